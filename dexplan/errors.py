@@ -1,0 +1,39 @@
+"""What callers can do wrong.  Each message names the fact that was wrong and what would be accepted.
+
+A caller's mistake raises one of these; physics' answer (no plan, a failed check) is a value with a status.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class DexplanError(Exception):
+    """Base of every error that a caller can mend."""
+
+
+class ProblemError(DexplanError):
+    """A problem cannot be read: names the file, the key, the value and what would be accepted."""
+
+    def __init__(self, source: str, key: str, fact: str, accepted: str) -> None:
+        where = f"{source}: {key}" if key else source
+        super().__init__(f"{where}: {fact}; {accepted}")
+        self.source, self.key = source, key
+
+
+class UnknownNameError(DexplanError):
+    """A name that nothing answers to; lists the names that do."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(sorted(known))}")
+
+
+class RunFolderError(DexplanError):
+    """A run folder lacks a file or holds one that cannot be read."""
+
+    def __init__(self, path: str, fact: str, accepted: str) -> None:
+        super().__init__(f"{path}: {fact}; {accepted}")
+
+
+class RenderError(DexplanError):
+    """No offscreen renderer could be started; says what to install."""

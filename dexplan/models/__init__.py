@@ -1,0 +1,1 @@
+"""MJCF files of the built-in scenes; every element is named."""

@@ -1,0 +1,116 @@
+"""The convention page: frames, orders and the few spatial operations everything else uses.
+
+Frames: ``W`` world, ``O`` object, ``F`` fingertip, ``C`` contact.  ``X_AB`` is the pose of frame B in frame A, so
+``X_AC = X_AB @ X_BC``; ``R_AB`` its rotation, ``p_AB`` its translation expressed in A.
+
+Orders: twist ``(v, w)``, wrench ``(f, tau)``, quaternion ``(w, x, y, z)``.  A pose is a (4, 4) matrix inside the code and a
+7-vector ``(x, y, z, qw, qx, qy, qz)`` in files.  SI units; a unit suffix (``_mm``, ``_deg``) where data leave the process.
+
+The contact frame has its z axis **into** the object; ``n_O`` names the **outward** surface normal in object axes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+GRAVITY = 9.81
+"""Magnitude of gravity [m/s^2], along -z of the world."""
+
+
+def read_only(values: ArrayLike) -> Array:
+    """Return a float64 copy of ``values`` that cannot be written."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def hat(w: Array) -> Array:
+    """Return the skew-symmetric matrices (..., 3, 3) with ``hat(w) @ x == cross(w, x)`` for w (..., 3)."""
+    w = np.asarray(w, dtype=np.float64)
+    out = np.zeros((*w.shape[:-1], 3, 3))
+    out[..., 0, 1], out[..., 0, 2] = -w[..., 2], w[..., 1]
+    out[..., 1, 0], out[..., 1, 2] = w[..., 2], -w[..., 0]
+    out[..., 2, 0], out[..., 2, 1] = -w[..., 1], w[..., 0]
+    return out
+
+
+def adjoint(X_AB: Array) -> Array:
+    """Return the (6, 6) matrix that maps a twist (v, w) of frame B expressed in B to frame A: ``V_A = Ad V_B``.
+
+    Its transpose maps a wrench (f, tau) about A's origin, in A, to one about B's origin, in B [MLS 1994, eq. 2.58].
+    """
+    R, p = X_AB[:3, :3], X_AB[:3, 3]
+    out = np.zeros((6, 6))
+    out[:3, :3] = out[3:, 3:] = R
+    out[:3, 3:] = hat(p) @ R
+    return out
+
+
+def make_pose(R: ArrayLike | None = None, p: ArrayLike | None = None) -> Array:
+    """Return the (4, 4) pose with rotation ``R`` (3, 3) and translation ``p`` (3,) [m]; identity and zero by default."""
+    X = np.eye(4)
+    if R is not None:
+        X[:3, :3] = R
+    if p is not None:
+        X[:3, 3] = p
+    return X
+
+
+def invert_pose(X_AB: Array) -> Array:
+    """Return X_BA for poses (..., 4, 4)."""
+    R_BA = np.swapaxes(X_AB[..., :3, :3], -1, -2)
+    X_BA = np.zeros_like(X_AB)
+    X_BA[..., :3, :3] = R_BA
+    X_BA[..., :3, 3] = -(R_BA @ X_AB[..., :3, 3, None])[..., 0]
+    X_BA[..., 3, 3] = 1.0
+    return X_BA
+
+
+def as_pose(pose7: ArrayLike) -> Array:
+    """Return the (..., 4, 4) matrices of poses (..., 7) = (x, y, z, qw, qx, qy, qz)."""
+    pose7 = np.asarray(pose7, dtype=np.float64)
+    X = np.zeros((*pose7.shape[:-1], 4, 4))
+    X[..., :3, :3] = Rotation.from_quat(pose7[..., 3:], scalar_first=True).as_matrix()
+    X[..., :3, 3] = pose7[..., :3]
+    X[..., 3, 3] = 1.0
+    return X
+
+
+def as_pose7(X: Array) -> Array:
+    """Return poses (..., 4, 4) as (..., 7) = (x, y, z, qw, qx, qy, qz) with qw >= 0."""
+    quat = Rotation.from_matrix(X[..., :3, :3]).as_quat(canonical=True, scalar_first=True)
+    return np.concatenate([X[..., :3, 3], quat], axis=-1)
+
+
+def rotate_about(axis: ArrayLike, angle: ArrayLike) -> Array:
+    """Return the rotation matrices (..., 3, 3) about the unit ``axis`` (3,) by ``angle`` (...) [rad]."""
+    rotvec = np.asarray(angle, dtype=np.float64)[..., None] * np.asarray(axis, dtype=np.float64)
+    return Rotation.from_rotvec(rotvec).as_matrix()
+
+
+def build_frame(z: ArrayLike, near: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
+    """Return a rotation (3, 3) whose third column is the unit vector ``z`` and whose second is as near to ``near`` as can be.
+
+    Where ``z`` is (anti)parallel to ``near`` the world x axis takes its place, so the frame is defined everywhere.
+    """
+    z = np.asarray(z, dtype=np.float64)
+    y = np.asarray(near, dtype=np.float64) - np.dot(z, near) * z
+    if np.linalg.norm(y) < 1e-6:
+        y = np.array([1.0, 0.0, 0.0]) - z[0] * z
+    y = y / np.linalg.norm(y)
+    return np.stack([np.cross(y, z), y, z], axis=-1)
+
+
+def direction_from_angles(azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> Array:
+    """Return the unit vectors (..., 3) at azimuth (about z, from x) and elevation (from the xy plane), both [deg]."""
+    az, el = np.radians(azimuth_deg), np.radians(elevation_deg)
+    return np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=-1)
+
+
+def angles_from_direction(n: Array) -> tuple[Array, Array]:
+    """Return (azimuth, elevation) [deg] of unit vectors (..., 3)."""
+    return np.degrees(np.arctan2(n[..., 1], n[..., 0])), np.degrees(np.arcsin(np.clip(n[..., 2], -1.0, 1.0)))
