@@ -1,0 +1,66 @@
+"""dexplan: dexterous manipulation by rolling and finger gaiting, planned symbolically and proven in MuJoCo.
+
+The public names load when they are first used, so ``import dexplan`` stays light.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dexplan.pipeline import plan, render, rollout, validate
+    from dexplan.planning.plan import Plan
+    from dexplan.problems.problem import Problem
+    from dexplan.problems.read import load_problem
+    from dexplan.scene.library import load_scene
+    from dexplan.sim.trace import Trace
+    from dexplan.sim.validate import ValidationReport
+
+    __version__: str
+
+__all__ = [
+    "Plan",
+    "Problem",
+    "Trace",
+    "ValidationReport",
+    "__version__",
+    "load_problem",
+    "load_scene",
+    "plan",
+    "render",
+    "rollout",
+    "validate",
+]
+
+_HOMES = {
+    "Plan": "dexplan.planning.plan",
+    "Problem": "dexplan.problems.problem",
+    "Trace": "dexplan.sim.trace",
+    "ValidationReport": "dexplan.sim.validate",
+    "load_problem": "dexplan.problems.read",
+    "load_scene": "dexplan.scene.library",
+    "plan": "dexplan.pipeline",
+    "render": "dexplan.pipeline",
+    "rollout": "dexplan.pipeline",
+    "validate": "dexplan.pipeline",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        try:
+            value: Any = version("dexplan")
+        except PackageNotFoundError:
+            value = "0+unknown"
+    elif name in _HOMES:
+        value = getattr(import_module(_HOMES[name]), name)
+    else:
+        raise AttributeError(f"module 'dexplan' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,206 @@
+"""What a fingertip can transmit: contact models with their exact friction cone and a pyramid inscribed in
+it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+from typing import Self, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dexplan.spatial import Array, read_only
+
+NORMAL = 2
+"""Index of the normal component in every contact force (f_t1, f_t2, f_n[, tau_n])."""
+
+_OTHERS = (0, 1, 3)  # the components that friction carries
+
+# Rings (latitude [deg], count) whose 2 + 2*6 + 2*8 + 10 = 40 points cover the unit sphere evenly.  Found by
+# maximising the inradius over the two free latitudes; even counts keep the set symmetric about the origin.
+_SOFT_RINGS = ((90.0, 1), (51.15616, 6), (25.04134, 8), (0.0, 10), (-25.04134, 8), (-51.15616, 6), (-90.0, 1))
+
+
+class ContactModel(ABC):
+    """A point contact with Coulomb friction; forces act **on the object**, in a contact frame whose z points
+    into it.
+
+    The components are (f_t1, f_t2, f_n) for a hard finger and (f_t1, f_t2, f_n, tau_n) for a soft one [MLS
+    1994, §5.2]. With ``capacity`` c holding the largest force or torque that one newton of normal force can
+    carry in each direction other than the normal, the friction cone is an ellipsoidal one
+
+        f_n >= sqrt(sum_j (f_j / c_j)^2)
+
+    which is exactly MuJoCo's elliptic cone: f_n^2 >= (f_t1^2 + f_t2^2) / mu^2 + tau_n^2 / mu_t^2.
+
+    Linear programs want a pyramid.  Cutting the cone at f_n = 1 and dividing by c leaves the unit ball (a
+    disc for hard fingers); any polytope {x : n_i . x <= h} with its vertices on that ball is inscribed, and h
+    is its inradius: what remains of friction in the worst direction.  An octagon for force times an interval
+    for torsion is *not* inscribed: its corners ask for sqrt(2) of the cone.
+    """
+
+    @property
+    @abstractmethod
+    def capacity(self) -> Array:
+        """Force [N] and torque [N m] per newton of normal force, (m - 1,), in the order of the components."""
+
+    @abstractmethod
+    def scaled(self, factor: float) -> Self:
+        """Return this model with all friction multiplied by ``factor``: a believed friction is ``scaled(1 /
+        safety)``."""
+
+    @property
+    @abstractmethod
+    def section(self) -> tuple[Array, float]:
+        """Unit facet normals (k, m - 1) and inradius of the default polytope inscribed in the unit ball."""
+
+    @property
+    def dimension(self) -> int:
+        """Number m of force components that the contact transmits."""
+        return len(self.capacity) + 1
+
+    @property
+    def facet_inradius(self) -> float:
+        """Share of friction that :meth:`facets` keeps in its worst direction, in (0, 1)."""
+        return self.section[1]
+
+    def wrench_basis(self) -> Array:
+        """Return B (6, m): the wrench (f, tau) about the contact point, in the contact frame, is ``B @
+        f``."""
+        return np.eye(6)[:, [0, 1, 2, 5][: self.dimension]]
+
+    def load(self, f: ArrayLike) -> Array:
+        """Return the normal force (...) [N] that friction needs to carry the other components of ``f`` (...,
+        m)."""
+        f = np.asarray(f, dtype=np.float64)
+        if f.shape[-1] != self.dimension:
+            raise ValueError(f"contact force has {f.shape[-1]} components; {self.dimension} are accepted")
+        return np.linalg.norm(f[..., _OTHERS[: self.dimension - 1]] / self.capacity, axis=-1)
+
+    def utilisation(self, f: ArrayLike) -> Array:
+        """Return the used share (...) of the exact cone by forces (..., m): 1 slides; inf for friction
+        without pressure."""
+        load, normal = self.load(f), np.asarray(f, dtype=np.float64)[..., NORMAL]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            used = np.where(normal > 0.0, load / normal, np.inf)
+        return np.where((normal <= 0.0) & (load == 0.0), 0.0, used)
+
+    def cone_margin(self, f: ArrayLike) -> Array:
+        """Return the normal force (...) [N] that could be taken away before sliding; negative outside the
+        exact cone."""
+        return np.asarray(f, dtype=np.float64)[..., NORMAL] - self.load(f)
+
+    def facets(self) -> Array:
+        """Return A (k, m) such that ``A @ f <= 0`` is a pyramid inside the exact cone.
+
+        Rows are dimensionless per newton of normal force: a violation of A @ f is in newtons of normal force.
+        """
+        return self._build_facets(*self.section)
+
+    def _build_facets(self, normals: Array, inradius: float) -> Array:
+        return np.insert(normals / self.capacity, NORMAL, -inradius, axis=1)
+
+
+@final
+@dataclass(frozen=True)
+class HardFinger(ContactModel):
+    """Point contact with friction: a force inside a circular cone, no torque about the normal.
+
+    ``sliding`` is the friction coefficient mu = tan(theta) [-].
+    """
+
+    sliding: float
+
+    def __post_init__(self) -> None:
+        _require_positive("sliding", self.sliding)
+
+    @property
+    def capacity(self) -> Array:
+        """(mu, mu)."""
+        return read_only([self.sliding, self.sliding])
+
+    @property
+    def section(self) -> tuple[Array, float]:
+        """An octagon with facet normals along both tangents."""
+        return _build_polygon(8, 0.0)
+
+    def scaled(self, factor: float) -> HardFinger:
+        """Return a hard finger with ``factor`` times the friction."""
+        return HardFinger(self.sliding * factor)
+
+    def facets(self, edges: int = 8, phase: float = 0.0) -> Array:
+        """Return the inscribed pyramid (edges, 3) with any number of edges.
+
+        ``phase`` turns it, in units of one facet: 0 puts a facet across t1 (the pyramid is weakest there, by
+        cos(pi / edges)), 0.5 puts an edge there (as strong as the cone).  Raises ValueError below three
+        edges.
+        """
+        return self._build_facets(*_build_polygon(edges, phase))
+
+
+@final
+@dataclass(frozen=True)
+class SoftFinger(ContactModel):
+    """Point contact that also resists spin about the normal, sharing one ellipsoidal cone between shear and
+    torsion.
+
+    ``sliding`` is mu [-]; ``torsional`` is mu_t [m], MuJoCo's unit: torque per newton of normal force.  A
+    rubber patch of radius a gives about mu_t = (3 pi / 16) mu a (Hertz).
+    """
+
+    sliding: float
+    torsional: float
+
+    def __post_init__(self) -> None:
+        _require_positive("sliding", self.sliding)
+        _require_positive("torsional", self.torsional)
+
+    @property
+    def capacity(self) -> Array:
+        """(mu, mu, mu_t)."""
+        return read_only([self.sliding, self.sliding, self.torsional])
+
+    @property
+    def section(self) -> tuple[Array, float]:
+        """A polytope of 40 facets in (f_x / mu, f_y / mu, tau / mu_t), inradius 0.926."""
+        return _build_soft_section()
+
+    def scaled(self, factor: float) -> SoftFinger:
+        """Return a soft finger with ``factor`` times both frictions."""
+        return SoftFinger(self.sliding * factor, self.torsional * factor)
+
+
+def _require_positive(name: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} friction is {value}; a positive finite number is accepted")
+
+
+@lru_cache(maxsize=32)
+def _build_polygon(edges: int, phase: float) -> tuple[Array, float]:
+    if edges < 3:
+        raise ValueError(f"a pyramid with {edges} edges has no inside; three or more are accepted")
+    angle = 2.0 * np.pi * (np.arange(edges) + phase) / edges
+    return read_only(np.stack([np.cos(angle), np.sin(angle)], axis=1)), float(np.cos(np.pi / edges))
+
+
+@lru_cache(maxsize=1)
+def _build_soft_section() -> tuple[Array, float]:
+    """Return unit normals (40, 3) and the largest h for which every vertex of {n . x <= h} stays in the unit
+    ball."""
+    rows = []
+    for latitude, count in _SOFT_RINGS:
+        u, v = np.radians(latitude), 2.0 * np.pi * np.arange(count) / count
+        rows.append(
+            np.stack([np.cos(u) * np.cos(v), np.cos(u) * np.sin(v), np.full(count, np.sin(u))], axis=1)
+        )
+    normals = np.concatenate(rows)
+    # Vertices of {n . x <= 1} are those intersections of three facets that violate no other: few enough to
+    # try them all.
+    triples = normals[np.array(list(combinations(range(len(normals)), 3)))]
+    triples = triples[np.abs(np.linalg.det(triples)) > 1e-9]
+    points = np.linalg.solve(triples, np.ones((len(triples), 3, 1)))[..., 0]
+    vertices = points[np.all(points @ normals.T <= 1.0 + 1e-9, axis=1)]
+    return read_only(normals), float(1.0 / np.linalg.norm(vertices, axis=1).max())

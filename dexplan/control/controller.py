@@ -1,0 +1,290 @@
+"""The controller: one tick from what is sensed to what the servos are told.
+
+Every tick it (1) advances the reference, (2) aims the fingertips: those that hold are carried with the object, the free one
+follows its path, (3) lets mink turn tip poses into joint angles, (4) asks the force QP which contact forces give the object the
+wrench it needs, and (5) sends both to the position servos: the posture, plus the offset that makes the servo push with the
+wanted torque.  Its state lives here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mink
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dexplan.contact.friction import SoftFinger
+from dexplan.control.observation import Observation
+from dexplan.control.reference import Phase, Reference
+from dexplan.control.tasks import FingertipTask
+from dexplan.grasp.force import ForceLimits, ForceSolution, ForceSolver
+from dexplan.scene.scene import Scene
+from dexplan.spatial import GRAVITY, Array, build_frame, hat
+
+TICK = 0.004
+"""Control period [s]."""
+
+
+@dataclass(frozen=True)
+class ControlOptions:
+    """What the controller believes and how it is tuned.
+
+    ``sliding`` and ``torsional`` [m] are the *believed* friction; ``object_mass`` [kg] and the normal forces [N] belong to the
+    task.  ``feedforward`` and ``object_feedback`` scale the two loops, for ablations.
+    """
+
+    sliding: float
+    torsional: float
+    normal_floor: float = 4.0
+    normal_ceiling: float = 12.0
+    torque_fraction: float = 0.95
+    feedforward: float = 1.0
+    object_feedback: float = 1.0
+    object_gain: float = 2.0
+    """Rate [1/s] at which the object's pose error moves the fingertips' targets."""
+    relaxation: float = 0.15
+    """Time constant [s] in which a fingertip's carried pose follows the measured one: it lets go of squeeze that is not wanted."""
+    joint_speed: float = 8.0
+    """Fastest joint motion that mink may ask for [rad/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """What one tick decided, and what it was based on.
+
+    ``ctrl`` (nu,) for the servos; ``X_WO_ref`` (4, 4); phase indices; ``forces_W`` (F, 4) wanted contact force (3,) on the object
+    in world axes and spin torque about the inward normal, NaN for fingers that do not hold; ``qp`` the force QP's answer;
+    ``tip_error`` largest distance [m] between aimed and commanded fingertips; ``is_done`` once the reference has ended.
+    """
+
+    ctrl: Array
+    X_WO_ref: Array
+    action_index: int
+    phase_index: int
+    forces_W: Array
+    qp: ForceSolution | None
+    tip_error: float
+    ik_at_limit: bool
+    is_done: bool
+    failure: str | None
+
+
+class Controller:
+    """Follows a reference with a scene's hand.  Call :meth:`step` once per tick, in order."""
+
+    def __init__(self, scene: Scene, reference: Reference, options: ControlOptions) -> None:
+        self._scene, self._reference, self._options = scene, reference, options
+        self._n = scene.n_fingers
+        spec = mujoco.MjSpec.from_string(scene.xml)
+        spec.delete(spec.body("object/"))
+        self._model = spec.compile()
+        self._configuration = mink.Configuration(self._model)
+        self._joints = np.array([[self._model.joint(j).id for j in f.joint_names] for f in scene.fingers])
+        self._sites = np.array([self._model.site(f"{f.name}/tip_center").id for f in scene.fingers])
+        self._task = FingertipTask(self._sites, self._model.nv)
+        names = [name for f in scene.fingers for name in f.joint_names]
+        self._limits = [
+            mink.ConfigurationLimit(self._model),
+            mink.VelocityLimit(self._model, dict.fromkeys(names, options.joint_speed)),
+        ]
+        self._lower, self._upper = (
+            np.stack([getattr(f.chain, k) for f in scene.fingers]) for k in ("lower", "upper")
+        )
+        self._gain = np.stack([f.servo_gain for f in scene.fingers])
+        self._damping = np.stack([f.servo_damping for f in scene.fingers])
+        self._torque = np.stack([f.torque_limit for f in scene.fingers])
+        self._friction = SoftFinger(options.sliding, options.torsional)
+        self._solvers: dict[tuple[int, ...], ForceSolver] = {}
+        self._bias = np.zeros(self._model.nv)
+        self._phase, self._phase_start = -1, 0.0
+        self._carried = np.tile(np.eye(4), (self._n, 1, 1))
+        self._adopted: frozenset[int] = frozenset()
+        self._correction = np.zeros(6)
+        self._q_start = np.zeros((self._n, self._joints.shape[1]))
+        self._X_OF_start = np.eye(4)
+        self._targets = np.tile(np.eye(4), (self._n, 1, 1))
+
+    def step(self, observation: Observation) -> Command:
+        """Return the command for the tick that starts now."""
+        self._sense(observation)
+        phase, t, is_done, failure = self._advance(observation)
+        X_ref, _, acceleration = phase.object_path.sample(t)
+        X_next, _, _ = phase.object_path.sample(t + TICK)
+        self._relax(observation, phase)
+        qdot, tip_error, at_limit = self._follow(phase, t, self._correct(observation, X_ref, X_next))
+        forces_W, torque, qp = self._load(observation, phase, t, acceleration)
+        q = self._configuration.q[self._joints]
+        bias = self._bias[self._joints]
+        ctrl = np.zeros(self._scene.model.nu)
+        push = self._options.feedforward * (bias + torque)
+        ctrl[self._scene.actuators] = q + (push + self._damping * qdot) / self._gain
+        return Command(
+            ctrl, X_ref, phase.action_index, phase.phase_index, forces_W, qp, tip_error, at_limit, is_done, failure
+        )
+
+    # -- sensing ---------------------------------------------------------------------------------------------------------
+
+    def _sense(self, observation: Observation) -> None:
+        """Measured tip poses, Jacobians and gravity torques, from the hand's own model at the measured posture."""
+        configuration, data = self._configuration, self._configuration.data
+        commanded = configuration.q.copy() if self._phase >= 0 else None
+        q = np.empty(self._model.nq)
+        q[self._joints] = observation.q
+        configuration.update(q)
+        data.qvel[self._joints] = observation.qdot
+        mujoco.mj_comVel(self._model, data)
+        mujoco.mj_rne(self._model, data, 0, self._bias)
+        self._X_WF = np.tile(np.eye(4), (self._n, 1, 1))
+        self._X_WF[:, :3, :3] = data.site_xmat[self._sites].reshape(-1, 3, 3)
+        self._X_WF[:, :3, 3] = data.site_xpos[self._sites]
+        self._J = self._task.compute_jacobian(configuration).reshape(self._n, 6, -1).copy()
+        if commanded is None:
+            self._targets = self._X_WF.copy()
+        else:
+            configuration.update(commanded)
+
+    def _advance(self, observation: Observation) -> tuple[Phase, float, bool, str | None]:
+        """Move on to the phase that holds now; return it, the time within it, whether all is done, and what failed."""
+        phases = self._reference.phases
+        failure = None
+        if self._phase < 0:
+            self._enter(0, observation.time, observation)
+        while True:
+            phase = phases[self._phase]
+            t = observation.time - self._phase_start
+            last = self._phase == len(phases) - 1
+            if phase.ends_on_touch:
+                assert phase.finger is not None
+                over = bool(observation.touching[phase.finger])
+                if t > phase.duration + self._reference.timing.touch_timeout:
+                    failure = f"{self._scene.fingers[phase.finger].name} found no object where it should have touched"
+            else:
+                over = t > phase.duration - 0.5 * TICK
+            if not over or last:
+                return phase, t, over and last, failure
+            self._enter(self._phase + 1, observation.time, observation)
+
+    def _enter(self, index: int, time: float, observation: Observation) -> None:
+        self._phase, self._phase_start = index, time
+        phase = self._reference.phases[index]
+        X_OW = np.linalg.inv(observation.X_WO)
+        # A finger that begins to hold is carried from where it really touched, not from where it should have.
+        for i in set(phase.holding) - self._adopted:
+            self._carried[i] = X_OW @ self._X_WF[i]
+        self._adopted = frozenset(phase.holding)
+        if phase.finger is not None:
+            self._q_start[phase.finger] = self._configuration.q[self._joints[phase.finger]]
+            self._X_OF_start = X_OW @ self._targets[phase.finger]
+
+    # -- motion ----------------------------------------------------------------------------------------------------------
+
+    def _correct(self, observation: Observation, X_ref: Array, X_next: Array) -> Array:
+        """Return the object pose to aim at: the next reference pose, shifted by the integral of the measured error."""
+        gain = self._options.object_feedback * self._options.object_gain * TICK
+        R_error = Rotation.from_matrix(X_ref[:3, :3] @ observation.X_WO[:3, :3].T).as_rotvec()
+        self._correction[:3] += gain * (X_ref[:3, 3] - observation.X_WO[:3, 3])
+        self._correction[3:] += gain * R_error
+        np.clip(self._correction[:3], -1e-3, 1e-3, out=self._correction[:3])
+        np.clip(self._correction[3:], -0.03, 0.03, out=self._correction[3:])
+        X = X_next.copy()
+        X[:3, :3] = Rotation.from_rotvec(self._correction[3:]).as_matrix() @ X[:3, :3]
+        X[:3, 3] += self._correction[:3]
+        return X
+
+    def _relax(self, observation: Observation, phase: Phase) -> None:
+        share = TICK / self._options.relaxation
+        X_OW = np.linalg.inv(observation.X_WO)
+        for i in phase.holding:
+            X_OF = X_OW @ self._X_WF[i]
+            carried = self._carried[i]
+            carried[:3, 3] += share * (X_OF[:3, 3] - carried[:3, 3])
+            turn = Rotation.from_matrix(X_OF[:3, :3] @ carried[:3, :3].T).as_rotvec()
+            carried[:3, :3] = Rotation.from_rotvec(share * turn).as_matrix() @ carried[:3, :3]
+
+    def _follow(self, phase: Phase, t: float, X_WO_aim: Array) -> tuple[Array, float, bool]:
+        """Aim every fingertip for the end of this tick and let mink move the commanded posture there."""
+        for i in phase.holding:
+            self._targets[i] = X_WO_aim @ self._carried[i]
+        if phase.finger is not None and phase.finger not in phase.holding:
+            self._targets[phase.finger] = self._aim_free(phase, min(t + TICK, 10.0), X_WO_aim)
+        self._task.set_targets(self._targets)
+        configuration = self._configuration
+        try:
+            velocity = mink.solve_ik(configuration, [self._task], TICK, "daqp", damping=1e-9, limits=self._limits)
+        except mink.NoSolutionFound:
+            velocity = np.zeros(self._model.nv)
+        configuration.integrate_inplace(velocity, TICK)
+        error = self._task.compute_error(configuration).reshape(self._n, 6)
+        q = configuration.q[self._joints]
+        at_limit = bool((np.minimum(q - self._lower, self._upper - q) < 1e-3).any())
+        return velocity[self._joints], float(np.linalg.norm(error[:, :3], axis=1).max()), at_limit
+
+    def _aim_free(self, phase: Phase, t: float, X_WO: Array) -> Array:
+        assert phase.finger is not None
+        if phase.posture is not None:
+            s = _smooth(t / phase.duration)
+            start = self._q_start[phase.finger]
+            return self._scene.fingers[phase.finger].pose_at(start + s * (phase.posture - start))
+        gap = phase.sample_gap(t, self._reference.timing.touch_speed)
+        X_OF = (self._X_OF_start if phase.X_OF is None else phase.X_OF).copy()
+        assert phase.normal_O is not None
+        X_OF[:3, 3] += gap * phase.normal_O
+        return X_WO @ X_OF
+
+    # -- forces ----------------------------------------------------------------------------------------------------------
+
+    def _load(
+        self, observation: Observation, phase: Phase, t: float, acceleration: Array
+    ) -> tuple[Array, Array, ForceSolution | None]:
+        """Solve the force QP; return forces in the world (F, 4), the joint torques they take (F, J), and the answer."""
+        forces_W = np.full((self._n, 4), np.nan)
+        torque = np.zeros((self._n, self._joints.shape[1]))
+        holding = phase.holding
+        if len(holding) < 2:
+            return forces_W, torque, None
+        solver = self._solvers.get(holding)
+        if solver is None:
+            solver = ForceSolver(
+                [self._friction] * len(holding), self._joints.shape[1], length=0.035, smoothness=0.0
+            )
+            self._solvers[holding] = solver
+        s = min(t / phase.duration, 1.0)
+        share = (phase.load_start + (phase.load_end - phase.load_start) * _smooth(s))[list(holding)]
+        R_WO, surface = observation.X_WO[:3, :3], self._scene.object.surface
+        G = np.zeros((6, 4 * len(holding)))
+        maps = np.zeros((len(holding), self._joints.shape[1], 4))
+        frames = []
+        for k, i in enumerate(holding):
+            p_OC = surface.closest(self._carried[i][:3, 3])
+            R_OC = build_frame(-p_OC / np.linalg.norm(p_OC))
+            G[:3, 4 * k : 4 * k + 3] = R_OC
+            G[3:, 4 * k : 4 * k + 3] = hat(p_OC) @ R_OC
+            G[3:, 4 * k + 3] = R_OC[:, 2]
+            R_WC = R_WO @ R_OC
+            arm = observation.X_WO[:3, 3] + R_WO @ p_OC - self._X_WF[i][:3, 3]
+            J = self._J[i][:, self._joints[i]]
+            maps[k, :, :3] = (J[:3] - hat(arm) @ J[3:]).T @ R_WC
+            maps[k, :, 3] = J[3:].T @ R_WC[:, 2]
+            frames.append(R_WC)
+        mass, inertia = self._scene.object.mass, self._scene.object.inertia
+        weight = mass * (acceleration[:3] + np.array([0.0, 0.0, GRAVITY]))
+        wrench = np.concatenate([R_WO.T @ weight, inertia @ (R_WO.T @ acceleration[3:])])
+        bias = self._bias[self._joints[list(holding)]]
+        reach = self._options.torque_fraction * self._torque[list(holding)]
+        limits = ForceLimits(
+            share * self._options.normal_floor, share * self._options.normal_ceiling + 1e-9, -reach, reach
+        )
+        target = share * self._reference.normal_force
+        qp = solver.solve(G, wrench, limits, target, maps, bias)
+        forces = np.nan_to_num(qp.forces)
+        for k, i in enumerate(holding):
+            forces_W[i] = [*(frames[k] @ forces[k, :3]), forces[k, 3]]
+            torque[i] = maps[k] @ forces[k]
+        return forces_W, torque, qp
+
+
+def _smooth(s: float) -> float:
+    s = min(max(s, 0.0), 1.0)
+    return s * s * s * (10.0 + s * (6.0 * s - 15.0))

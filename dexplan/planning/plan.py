@@ -1,0 +1,278 @@
+"""A plan: symbolic actions and the grasp after each, as a value that explains itself.
+
+A plan is data.  Nothing in it is a trajectory: curves in time are made from it by ``control/reference.py``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexplan.errors import RunFolderError
+from dexplan.spatial import Array, angles_from_direction, as_pose, as_pose7, read_only
+
+FORMAT = 1
+
+SOLVED = "solved"
+
+MUST, MAY, MUST_NOT = "must", "may", "must_not"
+"""Whether a finger has to touch the object throughout a phase, may begin or end to touch in it, or has to stay off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where and how one finger touches the object.
+
+    ``point_O``, ``normal_O`` (3,): contact point [m] and outward normal in the object frame; ``X_OF`` (4, 4): the fingertip in
+    the object frame, spin included; ``q`` (J,): the finger's posture when it lands [rad].
+    """
+
+    finger: int
+    point_O: Array
+    normal_O: Array
+    X_OF: Array
+    q: Array
+
+    def __post_init__(self) -> None:
+        for name in ("point_O", "normal_O", "X_OF", "q"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the placement as JSON data; poses as (x, y, z, qw, qx, qy, qz)."""
+        return {
+            "point_O": self.point_O.tolist(),
+            "normal_O": self.normal_O.tolist(),
+            "X_OF": self.X_OF.tolist(),
+            "q": self.q.tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class PlannedPhase:
+    """One stretch of an action during which the demanded contacts do not change: its name and a demand per finger."""
+
+    name: str
+    touch: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """One symbolic step.
+
+    ``kind`` is hold, move_object, place or lift; ``finger`` the one placed or lifted; ``grasping`` the fingers that hold the
+    object throughout.  ``X_WO_start`` and ``X_WO_end`` (4, 4) bound the object's motion, a turn by ``angle`` [rad] about the
+    world axis ``axis_W`` (3,) with a straight shift.  ``limiting_finger`` and ``limit`` say what ended a motion; ``margins``
+    what was left at its worst sample.  ``contacts_end`` has one entry per finger, None where it is free.
+    """
+
+    kind: str
+    finger: int | None
+    grasping: tuple[int, ...]
+    X_WO_start: Array
+    X_WO_end: Array
+    axis_W: Array
+    angle: float
+    contacts_end: tuple[Placement | None, ...]
+    phases: tuple[PlannedPhase, ...]
+    why: str
+    limiting_finger: int | None = None
+    limit: str | None = None
+    margins: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("X_WO_start", "X_WO_end", "axis_W"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The answer to a problem: ``status`` "solved", or why not and what would help in ``reason``.
+
+    ``turned_angle`` is the signed unwrapped turn of the goal [rad], None where the goal is an attitude without an axis.
+    ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.
+    """
+
+    status: str
+    reason: str
+    fingers: tuple[str, ...]
+    goal_kind: str
+    X_WO_start: Array
+    X_WO_goal: Array
+    axis_W: Array | None
+    turned_angle: float | None
+    start_contacts: tuple[Placement | None, ...]
+    actions: tuple[Action, ...]
+    normal_force: float
+    statistics: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("X_WO_start", "X_WO_goal", "axis_W"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, read_only(value))
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether the plan reaches the goal."""
+        return self.status == SOLVED
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the plan as JSON data (``plan.json``)."""
+        return {
+            "format": FORMAT,
+            "status": self.status,
+            "reason": self.reason,
+            "fingers": list(self.fingers),
+            "normal_force_N": self.normal_force,
+            "start": {
+                "object_pose": _pose(self.X_WO_start),
+                "contacts": self._contacts(self.start_contacts),
+            },
+            "goal": {
+                "kind": self.goal_kind,
+                "object_pose": _pose(self.X_WO_goal),
+                "axis_W": None if self.axis_W is None else self.axis_W.tolist(),
+                "turned_angle_deg": None if self.turned_angle is None else float(np.degrees(self.turned_angle)),
+                "contacts": None,
+            },
+            "actions": [self._action(k, action) for k, action in enumerate(self.actions)],
+            "statistics": dict(self.statistics),
+        }
+
+    def _contacts(self, contacts: tuple[Placement | None, ...]) -> dict[str, Any]:
+        return {
+            name: None if c is None else c.as_dict() for name, c in zip(self.fingers, contacts, strict=True)
+        }
+
+    def _name(self, finger: int | None) -> str | None:
+        return None if finger is None else self.fingers[finger]
+
+    def _action(self, index: int, action: Action) -> dict[str, Any]:
+        return {
+            "index": index,
+            "kind": action.kind,
+            "finger": self._name(action.finger),
+            "grasping": [self.fingers[i] for i in action.grasping],
+            "limiting_finger": self._name(action.limiting_finger),
+            "limit": action.limit,
+            "why": action.why,
+            "object_pose_start": _pose(action.X_WO_start),
+            "object_pose_end": _pose(action.X_WO_end),
+            "rotation": {"axis_W": action.axis_W.tolist(), "angle_deg": float(np.degrees(action.angle))},
+            "contacts_end": self._contacts(action.contacts_end),
+            "margins": dict(action.margins),
+            "phases": [
+                {"name": p.name, "touch": dict(zip(self.fingers, p.touch, strict=True))} for p in action.phases
+            ],
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write ``plan.json`` atomically."""
+        target = Path(path)
+        partial = target.with_name(target.name + ".partial")
+        partial.write_text(json.dumps(self.as_dict(), indent=1) + "\n", encoding="utf-8")
+        partial.replace(target)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Plan:
+        """Read a plan written by :meth:`save`.  Raises RunFolderError for anything else."""
+        try:
+            return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise RunFolderError(
+                str(path), f"cannot be read as a plan ({error})", "a plan.json written by dexplan is accepted"
+            ) from error
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Plan:
+        """Return the plan that :meth:`as_dict` described."""
+        if data["format"] != FORMAT:
+            raise ValueError(f"format {data['format']}, not {FORMAT}")
+        names = list(data["fingers"])
+        index = {name: k for k, name in enumerate(names)}
+
+        def contacts(entry: Mapping[str, Any]) -> tuple[Placement | None, ...]:
+            return tuple(
+                None
+                if entry[n] is None
+                else Placement(
+                    index[n], entry[n]["point_O"], entry[n]["normal_O"], entry[n]["X_OF"], entry[n]["q"]
+                )
+                for n in names
+            )
+
+        actions = tuple(
+            Action(
+                kind=a["kind"],
+                finger=None if a["finger"] is None else index[a["finger"]],
+                grasping=tuple(index[n] for n in a["grasping"]),
+                X_WO_start=_matrix(a["object_pose_start"]),
+                X_WO_end=_matrix(a["object_pose_end"]),
+                axis_W=np.array(a["rotation"]["axis_W"]),
+                angle=float(np.radians(a["rotation"]["angle_deg"])),
+                contacts_end=contacts(a["contacts_end"]),
+                phases=tuple(PlannedPhase(p["name"], tuple(p["touch"][n] for n in names)) for p in a["phases"]),
+                why=a["why"],
+                limiting_finger=None if a["limiting_finger"] is None else index[a["limiting_finger"]],
+                limit=a["limit"],
+                margins=a["margins"],
+            )
+            for a in data["actions"]
+        )
+        goal = data["goal"]
+        turned = goal["turned_angle_deg"]
+        return cls(
+            status=data["status"],
+            reason=data["reason"],
+            fingers=tuple(names),
+            goal_kind=goal["kind"],
+            X_WO_start=_matrix(data["start"]["object_pose"]),
+            X_WO_goal=_matrix(goal["object_pose"]),
+            axis_W=None if goal["axis_W"] is None else np.array(goal["axis_W"]),
+            turned_angle=None if turned is None else float(np.radians(turned)),
+            start_contacts=contacts(data["start"]["contacts"]),
+            actions=actions,
+            normal_force=float(data["normal_force_N"]),
+            statistics=data["statistics"],
+        )
+
+    def explain(self) -> str:
+        """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
+        lines = [f"status: {self.status}" + (f" ({self.reason})" if self.reason else "")]
+        before = self.start_contacts
+        for k, a in enumerate(self.actions):
+            lines.append(f"{k + 1:3d}. {self._sentence(a, before)}")
+            if a.margins:
+                lines.append("     margins: " + ", ".join(f"{key} {value:.3g}" for key, value in a.margins.items()))
+            before = a.contacts_end
+        return "\n".join(lines)
+
+    def _sentence(self, a: Action, before: tuple[Placement | None, ...]) -> str:
+        holders = " and ".join(self.fingers[i] for i in a.grasping)
+        if a.kind == "move_object":
+            axis = "(" + ", ".join(f"{x:.2f}" for x in a.axis_W) + ")"
+            text = f"turn the object by {np.degrees(a.angle):.1f} deg about {axis}, held by {holders}"
+        elif a.finger is not None:
+            placement = a.contacts_end[a.finger] or before[a.finger]
+            where = ""
+            if placement is not None:
+                az, el = angles_from_direction(a.X_WO_end[:3, :3] @ placement.normal_O)
+                where = f" at azimuth {az:.1f}, elevation {el:.1f} deg (world)"
+            text = f"{a.kind} {self.fingers[a.finger]}{where} while {holders} hold"
+        else:
+            text = f"hold with {holders}"
+        return f"{text}: {a.why}"
+
+
+def _pose(X: Array) -> list[float]:
+    return [float(x) for x in as_pose7(X)]
+
+
+def _matrix(pose7: list[float]) -> Array:
+    return as_pose(pose7)

@@ -1,0 +1,204 @@
+"""What a problem must make sense of, beyond the types of its keys.
+
+Each ``_check_`` function takes a whole :class:`~dexplan.problems.problem.Problem` and the name of its
+source; it raises ``ProblemError`` at the first thing that is wrong, with one line that names source, key,
+value and what would be accepted.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from dexplan.errors import ProblemError
+from dexplan.problems.problem import ContactPoint, ContactSpec, Problem
+from dexplan.problems.rules import (
+    AZIMUTH,
+    BOUNDS,
+    ELEVATION,
+    JOINT_ANGLE,
+    JOINT_PATTERN,
+    NAME_PATTERN,
+    OBSTACLE_SIZES,
+    SCENES,
+    describe_accepted,
+    spell,
+    suggest,
+)
+
+PATCH_PER_TIP = 0.3
+"""``torsional_m`` may be at most this times sliding times tip radius: a patch about half as wide as the tip
+[Hertz].
+"""
+
+SURFACE_TOLERANCE = 0.01
+"""A ``point_m`` contact may miss the object's surface by this part of its radius."""
+
+SMALLEST_NORM = 1e-9
+"""A shorter axis or quaternion counts as zero."""
+
+
+def check_problem(problem: Problem, source: str) -> None:
+    """Raise ``ProblemError`` if ``problem`` makes no sense; ``source`` names where it came from."""
+    for check in (
+        _check_names,
+        _check_numbers,
+        _check_hand,
+        _check_friction,
+        _check_start,
+        _check_goal,
+        _check_rest,
+    ):
+        check(problem, source)
+
+
+def _check_names(problem: Problem, source: str) -> None:
+    if not NAME_PATTERN.fullmatch(problem.name):
+        raise ProblemError(
+            source, "name", f"{spell(problem.name)} is no name for a folder", describe_accepted("name")
+        )
+    if not (problem.summary.isprintable() and len(problem.summary) <= 200):
+        raise ProblemError(
+            source, "summary", f"{spell(problem.summary)} is no summary", describe_accepted("summary")
+        )
+    if problem.scene not in SCENES:
+        raise ProblemError(
+            source, "scene", f"unknown scene {spell(problem.scene)}", suggest(problem.scene, SCENES)
+        )
+
+
+def _check_numbers(problem: Problem, source: str) -> None:
+    for key, value in _walk_numbers(problem.as_dict(), ""):
+        bounds = BOUNDS.get(re.sub(r"\[\d+\]", "", key))
+        if bounds is not None and not bounds.accepts(value):
+            raise ProblemError(source, key, f"{spell(value)} is out of range", describe_accepted(key))
+
+
+def _walk_numbers(value: Any, key: str) -> Iterator[tuple[str, float]]:
+    """Yield (key, number) for every number below ``value``."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            yield from _walk_numbers(item, f"{key}.{name}" if key else name)
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _walk_numbers(item, f"{key}[{index}]")
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield key, value
+
+
+def _check_hand(problem: Problem, source: str) -> None:
+    hand, wanted = problem.hand, SCENES[problem.scene].finger_count
+    for key, values in (("tip_radii_m", hand.tip_radii_m), ("base_azimuths_deg", hand.base_azimuths_deg)):
+        if len(values) != wanted:
+            accepted = f"accepted: {wanted} numbers, one per finger of {problem.scene}"
+            raise ProblemError(
+                source, f"hand.{key}", f"{spell(list(values))} has {len(values)} entries", accepted
+            )
+    for name, (lowest, highest) in hand.joint_ranges_deg.items():
+        key = f"hand.joint_ranges_deg.{name}"
+        match = JOINT_PATTERN.fullmatch(name)
+        if match is None or int(match[1]) > hand.finger_count:
+            accepted = f'accepted: "finger_<i>.joint_<k>" with i from 1 to {hand.finger_count}'
+            raise ProblemError(source, key, f"{spell(name)} is no joint of {problem.scene}", accepted)
+        if not (JOINT_ANGLE.accepts(lowest) and JOINT_ANGLE.accepts(highest) and lowest < highest):
+            accepted = "accepted: [lowest, highest] in degrees, lowest below highest, both from -360 to 360"
+            raise ProblemError(source, key, f"{spell([lowest, highest])} is no range", accepted)
+
+
+def _check_friction(problem: Problem, source: str) -> None:
+    """Refuse a torsional friction that no contact patch on the smallest tip can give: Hertz, mu_t = (3 pi /
+    16) mu a.
+    """
+    friction, tip = problem.friction, min(problem.hand.tip_radii_m)
+    highest = PATCH_PER_TIP * friction.sliding * tip
+    if friction.torsional_m > highest * (1.0 + 1e-12):
+        patch_mm = 1e3 * friction.torsional_m / (3.0 * math.pi / 16.0 * friction.sliding)
+        patch = f"a contact patch of radius {patch_mm:.1f} mm on a tip of {1e3 * tip:g} mm"
+        fact = f"{spell(friction.torsional_m)} implies {patch}"
+        accepted = f"accepted: at most 0.3 * sliding * smallest tip radius = {highest:.4g} m"
+        raise ProblemError(source, "friction.torsional_m", fact, accepted)
+
+
+def _check_start(problem: Problem, source: str) -> None:
+    if problem.start.contacts_deg != "auto":
+        _check_contacts(problem, problem.start.contacts_deg, "start.contacts_deg", source)
+
+
+def _check_contacts(problem: Problem, contacts: tuple[ContactSpec, ...], key: str, source: str) -> None:
+    """Check one entry per finger, two or more touching, each one a place on the object."""
+    if len(contacts) != problem.hand.finger_count:
+        accepted = f"accepted: {problem.hand.finger_count} entries, one per finger"
+        raise ProblemError(source, key, f"has {len(contacts)} entries", accepted)
+    touching = sum(contact != "free" for contact in contacts)
+    if touching < 2:
+        raise ProblemError(
+            source, key, f"only {touching} finger(s) touch", "accepted: two or more that are not free"
+        )
+    for index, contact in enumerate(contacts):
+        where = f"{key}[{index}]"
+        if isinstance(contact, ContactPoint):
+            distance, radius = math.hypot(*contact.point_m), problem.object.radius_m
+            if not abs(distance - radius) <= SURFACE_TOLERANCE * radius:
+                fact = f"{spell(list(contact.point_m))} lies {distance:.6g} m from the object's centre"
+                raise ProblemError(
+                    source, f"{where}.point_m", fact, f"accepted: a point of its surface, at {radius:g} m"
+                )
+        elif contact != "free":
+            for place, value, bounds in (
+                ("azimuth", contact[0], AZIMUTH),
+                ("elevation", contact[1], ELEVATION),
+            ):
+                if not bounds.accepts(value):
+                    raise ProblemError(
+                        source, where, f"{place} {spell(value)} is out of range", f"accepted: {bounds}"
+                    )
+
+
+def _check_goal(problem: Problem, source: str) -> None:
+    goal = problem.goal
+    if goal.rotation is not None and goal.orientation_wxyz is not None:
+        fact = f"both rotation and orientation_wxyz {spell(list(goal.orientation_wxyz))} are given"
+        raise ProblemError(source, "goal", fact, "accepted: one of the two")
+    if goal.rotation is not None and math.hypot(*goal.rotation.axis) < SMALLEST_NORM:
+        fact = f"{spell(list(goal.rotation.axis))} has no direction"
+        raise ProblemError(source, "goal.rotation.axis", fact, describe_accepted("goal.rotation.axis"))
+    if goal.orientation_wxyz is not None and math.hypot(*goal.orientation_wxyz) < SMALLEST_NORM:
+        fact = f"{spell(list(goal.orientation_wxyz))} is no attitude"
+        raise ProblemError(source, "goal.orientation_wxyz", fact, describe_accepted("goal.orientation_wxyz"))
+    if goal.kind == "object_manipulation":
+        if goal.contacts_deg is not None:
+            accepted = 'accepted: none here, or kind = "dextrous_manipulation" to move object and grasp'
+            raise ProblemError(
+                source, "goal.contacts_deg", 'given for kind = "object_manipulation"', accepted
+            )
+    elif goal.contacts_deg is None:
+        accepted = describe_accepted("goal.contacts_deg")
+        raise ProblemError(source, "goal.contacts_deg", f'missing for kind = "{goal.kind}"', accepted)
+    else:
+        _check_contacts(problem, goal.contacts_deg, "goal.contacts_deg", source)
+    turns = goal.orientation_wxyz is not None or (
+        goal.rotation is not None and goal.rotation.angle_deg != 0.0
+    )
+    if goal.kind == "grasp_adjustment" and (turns or any(goal.translation_m)):
+        accepted = (
+            'accepted: no motion of the object, or kind = "dextrous_manipulation" to move object and grasp'
+        )
+        raise ProblemError(
+            source, "goal", 'a motion of the object is given for kind = "grasp_adjustment"', accepted
+        )
+
+
+def _check_rest(problem: Problem, source: str) -> None:
+    primitives = problem.gait.primitives
+    if len(set(primitives)) != len(primitives):
+        accepted = "accepted: each primitive at most once"
+        raise ProblemError(source, "gait.primitives", f"{spell(list(primitives))} repeats itself", accepted)
+    for index, obstacle in enumerate(problem.obstacles):
+        count, words = OBSTACLE_SIZES[obstacle.kind]
+        if len(obstacle.size_m) != count:
+            fact = f"{spell(list(obstacle.size_m))} has {len(obstacle.size_m)} entries"
+            raise ProblemError(
+                source, f"obstacles[{index}].size_m", fact, f"accepted: {words} of a {obstacle.kind}"
+            )

@@ -1,0 +1,85 @@
+"""From parameters to the one model text: the finger attached once per base, the object, the floor, the obstacles.
+
+The text that comes out is the model: it is written to the run folder, and what is simulated is compiled from it.
+"""
+
+from __future__ import annotations
+
+import math
+from importlib import resources
+from typing import Any
+
+from dm_control import mjcf
+
+from dexplan.errors import UnknownNameError
+from dexplan.scene.description import SceneParameters
+
+HOME_POSITION = (0.0, 0.0, 0.16)
+"""Centre of the object at home, in the world [m]."""
+BASE_DISTANCE = 0.18
+BASE_HEIGHT = 0.21
+
+PROFILES = {
+    # The most faithful contact MuJoCo offers for fingertips: stiff, and a last pass without the cone's softness.
+    "firm": {"noslip_iterations": 3},
+    # What engines without a noslip pass can do.
+    "portable": {"noslip_iterations": 0},
+}
+
+
+def build_model_xml(parameters: SceneParameters) -> str:
+    """Return the MJCF text of the scene with ``parameters``; needs no other file.
+
+    Raises UnknownNameError for an unknown physics profile.
+    """
+    if parameters.physics_profile not in PROFILES:
+        raise UnknownNameError("physics profile", parameters.physics_profile, PROFILES)
+    root = _load("arena", parameters)
+    root.model = parameters.scene
+    root.option.noslip_iterations = PROFILES[parameters.physics_profile]["noslip_iterations"]
+    ranges = {name: (lower, upper) for name, lower, upper in parameters.joint_ranges_deg}
+    bases = zip(parameters.base_azimuths_deg, parameters.tip_radii, strict=True)
+    for k, (azimuth, radius) in enumerate(bases, start=1):
+        finger = _load("finger", parameters)
+        finger.model = f"finger_{k}"
+        finger.find("geom", "tip").size = [radius]
+        finger.find("mesh", "hemisphere").scale = [radius] * 3
+        for joint in finger.find_all("joint"):
+            if (key := f"finger_{k}.{joint.name}") in ranges:
+                joint.range = [math.radians(limit) for limit in ranges.pop(key)]
+        yaw = math.radians(azimuth)
+        mount = root.worldbody.add(
+            "site",
+            name=f"mount_{k}",
+            pos=[BASE_DISTANCE * math.cos(yaw), BASE_DISTANCE * math.sin(yaw), BASE_HEIGHT],
+            quat=[math.cos((yaw + math.pi) / 2), 0.0, 0.0, math.sin((yaw + math.pi) / 2)],
+            size=[0.002],
+            group=4,
+        )
+        mount.attach(finger)
+    if ranges:
+        known = (f"finger_{k}.joint_{j}" for k in range(1, len(parameters.tip_radii) + 1) for j in range(1, 7))
+        raise UnknownNameError("joint", next(iter(ranges)), known)
+    ball = _load("ball", parameters)
+    ball.find("geom", "surface").size = [parameters.object_radius]
+    ball.find("geom", "surface").mass = parameters.object_mass
+    home = root.worldbody.add("site", name="object_home", pos=HOME_POSITION, size=[0.002], group=4)
+    home.attach(ball).add("freejoint", name="free")
+    for k, obstacle in enumerate(parameters.obstacles, start=1):
+        root.worldbody.add(
+            "geom",
+            name=f"obstacle_{k}",
+            type=obstacle.kind,
+            pos=obstacle.position,
+            size=obstacle.size,
+            rgba=[0.55, 0.35, 0.35, 1.0],
+        )
+    return str(root.to_xml_string(precision=9))
+
+
+def _load(name: str, parameters: SceneParameters) -> Any:
+    """Return the named part with the friction of ``parameters``; every part carries the same contact defaults."""
+    text = resources.files("dexplan.models").joinpath(f"{name}.xml").read_text(encoding="utf-8")
+    part = mjcf.from_xml_string(text)
+    part.default.geom.friction = [parameters.sliding_friction, parameters.torsional_friction, 1e-4]
+    return part

@@ -1,0 +1,74 @@
+"""What a scene is made of, as values without MuJoCo: fingers, hand, object, and the parameters they are built from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dexplan.contact.surface import AbstractSurface
+from dexplan.scene.chain import Chain, compute_tip_pose
+from dexplan.spatial import Array, read_only
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A static body in the world: ``kind`` box (half sizes), sphere (radius) or capsule (radius, half length) [m]."""
+
+    kind: str
+    position: tuple[float, float, float]
+    size: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class SceneParameters:
+    """Everything a scene's model text depends on.  SI units, angles in radians unless the name says otherwise."""
+
+    scene: str = "three_finger_sphere"
+    object_radius: float = 0.035
+    object_mass: float = 0.060
+    tip_radii: tuple[float, ...] = (0.018, 0.018, 0.018)
+    base_azimuths_deg: tuple[float, ...] = (0.0, 120.0, 240.0)
+    joint_ranges_deg: tuple[tuple[str, float, float], ...] = ()
+    sliding_friction: float = 0.55
+    torsional_friction: float = 0.0025
+    physics_profile: str = "firm"
+    obstacles: tuple[Obstacle, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class FingerDescription:
+    """One finger: its names in the model, its chain, the radius of its tip [m] and the limits of its servos.
+
+    ``servo_gain`` (J,) [N m/rad] and ``servo_damping`` (J,) [N m s/rad] describe the position servos inside the simulator,
+    ``torque_limit`` (J,) [N m] what they can give.  ``q_home`` (J,) [rad] points the tip at the object from a short way off.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    tip_radius: float
+    chain: Chain
+    torque_limit: Array
+    servo_gain: Array
+    servo_damping: Array
+    q_home: Array
+
+    def pose_at(self, q: Array) -> Array:
+        """Return X_WF (..., 4, 4) at joint angles ``q`` (..., J) [rad]."""
+        return compute_tip_pose(self.chain, q)
+
+    def __post_init__(self) -> None:
+        for name in ("torque_limit", "servo_gain", "servo_damping", "q_home"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectDescription:
+    """The manipulated object: surface in its own frame, mass [kg], inertia (3, 3) about its centre [kg m^2], home pose."""
+
+    surface: AbstractSurface
+    mass: float
+    inertia: Array
+    X_WO_home: Array = field(repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("inertia", "X_WO_home"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))

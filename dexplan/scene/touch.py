@@ -1,0 +1,88 @@
+"""From MuJoCo's contacts to fingertip touches, in our order, frame and sign: the only place the controller's side knows them.
+
+MuJoCo's contact frame has its normal from geom[0] to geom[1] and `mj_contactForce` acts on geom[1]; a Touch has its normal
+**into the object** and its force **on the object**, whichever way round the pair was found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dexplan.scene.scene import Scene
+from dexplan.spatial import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """The contact of each fingertip with the object at one instant; rows of fingers without contact are NaN.
+
+    ``active`` (F,); ``point_O`` (F, 3) [m] and ``rotation_O`` (F, 3, 3), columns t1, t2, n (into the object), in the object
+    frame; ``force`` (F, 4) = (f_t1, f_t2, f_n, tau_n) [N, N m] on the object in that frame; ``slip_velocity`` (F, 3) = two
+    tangential [m/s] and the spin [rad/s] of the tip's surface relative to the object's; ``penetration`` (F,) [m].
+    """
+
+    active: NDArray[np.bool_]
+    point_O: Array
+    rotation_O: Array
+    force: Array
+    slip_velocity: Array
+    penetration: Array
+
+
+def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
+    """Return every fingertip's contact with the object, the deepest where there are several."""
+    model, n = scene.model, scene.n_fingers
+    active = np.zeros(n, dtype=bool)
+    point, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+    force, slip = np.full((n, 4), np.nan), np.full((n, 3), np.nan)
+    penetration = np.full(n, np.nan)
+    if data.ncon:
+        geoms, dist = data.contact.geom, data.contact.dist
+        R_WO = data.xmat[scene.object_body].reshape(3, 3)
+        p_WO = data.xpos[scene.object_body]
+        for i, tip in enumerate(scene.tip_geoms):
+            hits = np.flatnonzero(
+                ((geoms[:, 0] == tip) & (geoms[:, 1] == scene.object_geom))
+                | ((geoms[:, 1] == tip) & (geoms[:, 0] == scene.object_geom))
+            )
+            hits = [k for k in hits if data.contact.efc_address[k] >= 0]
+            if not hits:
+                continue
+            k = int(min(hits, key=lambda h: dist[h]))
+            R_CW = data.contact.frame[k].reshape(3, 3)
+            wrench = np.zeros(6)
+            mujoco.mj_contactForce(model, data, k, wrench)
+            # Object second: normal and force are already ours.  Object first: turn both about the first tangent.
+            sign = 1.0 if geoms[k, 1] == scene.object_geom else -1.0
+            R_WC = np.stack([R_CW[1], sign * R_CW[2], sign * R_CW[0]], axis=1)
+            f_W, tau = sign * (R_CW.T @ wrench[:3]), sign * (R_CW.T @ wrench[3:])
+            p_W = data.contact.pos[k]
+            active[i] = True
+            point[i] = R_WO.T @ (p_W - p_WO)
+            rotation[i] = R_WO.T @ R_WC
+            force[i] = [*(R_WC.T @ f_W), R_WC[:, 2] @ tau]
+            v, w = _relative_velocity(model, data, int(model.geom_bodyid[tip]), scene.object_body, p_W)
+            slip[i] = [R_WC[:, 0] @ v, R_WC[:, 1] @ v, R_WC[:, 2] @ w]
+            penetration[i] = -dist[k]
+    return Touches(active, point, rotation, force, slip, penetration)
+
+
+def _relative_velocity(
+    model: mujoco.MjModel, data: mujoco.MjData, body: int, other: int, p_W: Array
+) -> tuple[Array, Array]:
+    """Return linear and angular velocity, in W, of ``body`` relative to ``other`` at the world point ``p_W``."""
+    v, w = _point_velocity(model, data, body, p_W)
+    v_other, w_other = _point_velocity(model, data, other, p_W)
+    return v - v_other, w - w_other
+
+
+def _point_velocity(
+    model: mujoco.MjModel, data: mujoco.MjData, body: int, p_W: Array
+) -> tuple[Array, Array]:
+    # cvel is (w, v) about the centre of mass of the body's whole tree, in world axes.
+    w, v = data.cvel[body, :3], data.cvel[body, 3:]
+    return v + np.cross(w, p_W - data.subtree_com[model.body_rootid[body]]), w

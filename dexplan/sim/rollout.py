@@ -1,0 +1,172 @@
+"""Steps the world under the controller and records what happened."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dexplan.control.controller import TICK, Command, ControlOptions, Controller
+from dexplan.control.observation import Observation
+from dexplan.control.reference import Reference
+from dexplan.scene.chain import solve_ik
+from dexplan.scene.scene import Scene
+from dexplan.scene.touch import Touches, read_touches
+from dexplan.sim.trace import Trace
+from dexplan.spatial import Array, as_pose7, make_pose
+
+START_DEPTH = 5e-5
+"""How deep the tips stand in the object at the start [m]: about what their first newtons make of a touch."""
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+def rollout(
+    scene: Scene,
+    reference: Reference,
+    options: ControlOptions,
+    *,
+    X_WO_start: Array | None = None,
+    meta: Mapping[str, Any] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Trace:
+    """Run ``reference`` on ``scene`` and return the trace; a run that fails returns the trace so far.
+
+    ``X_WO_start`` (4, 4) is the object's true pose at the start (default: its home); ``progress`` is called with the share
+    done.  A failure (object lost, finger that finds nothing) stands in the trace's ``meta["failure"]``.
+    """
+    model = scene.model
+    steps = round(TICK / model.opt.timestep)
+    data, probe = mujoco.MjData(model), mujoco.MjData(model)
+    X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
+    data.qpos[:] = scene.as_qpos(_start_posture(scene, reference, X_WO), X_WO)
+    mujoco.mj_forward(model, data)
+    size = mujoco.mj_stateSize(model, STATE)
+    state = np.zeros(size)
+    mujoco.mj_getState(model, data, state, STATE)
+    initial_state = state.copy()
+    controller = Controller(scene, reference, options)
+    rows: dict[str, list[Any]] = {name: [] for name in _COLUMNS}
+    planned = max(reference.duration, TICK)
+    failure: str | None = None
+    for _ in range(int(3.0 * planned / TICK) + 500):
+        command = controller.step(_observe(scene, data))
+        data.ctrl[:] = command.ctrl
+        mujoco.mj_getState(model, data, state, STATE)
+        mujoco.mj_setState(model, probe, state, STATE)
+        probe.ctrl[:] = command.ctrl
+        mujoco.mj_forward(model, probe)
+        _record(rows, scene, data, command, read_touches(scene, probe))
+        failure = command.failure or _find_failure(scene, data)
+        if command.is_done or failure:
+            break
+        mujoco.mj_step(model, data, nstep=steps)
+        if progress is not None:
+            progress(min(1.0, data.time / planned))
+    columns = {name: np.array(values) for name, values in rows.items()}
+    columns["initial_state"] = initial_state
+    columns["physics_steps_per_sample"] = np.array(steps)
+    versions = {name: version(name) for name in ("mujoco", "mink", "osqp", "numpy", "scipy")}
+    return Trace(
+        scene.xml,
+        columns,
+        {**(meta or {}), "failure": failure, "versions": {"python": platform.python_version(), **versions}},
+    )
+
+
+_COLUMNS = (
+    "time",
+    "qpos",
+    "qvel",
+    "ctrl",
+    "object_pose_reference",
+    "action_index",
+    "phase_index",
+    "contact_active",
+    "contact_point_O",
+    "contact_rotation_O",
+    "contact_force",
+    "contact_force_reference",
+    "contact_slip_velocity",
+    "tip_contact_angle",
+    "qp_status",
+    "qp_wrench_residual",
+    "tip_tracking_error",
+    "ik_at_limit",
+)
+
+
+def _start_posture(scene: Scene, reference: Reference, X_WO: Array) -> Array:
+    """Return joint angles (F, J) with the tips in contact where the reference starts, the others at home."""
+    posture = []
+    for finger, X_OF in zip(scene.fingers, reference.start, strict=True):
+        q = finger.q_home
+        if X_OF is not None:
+            X = X_OF.copy()
+            X[:3, 3] *= 1.0 - START_DEPTH / np.linalg.norm(X[:3, 3])
+            solved, _ = solve_ik(finger.chain, (X_WO @ X)[None], finger.q_home[None], iterations=60)
+            q = solved[0]
+        posture.append(q)
+    return np.stack(posture)
+
+
+def _observe(scene: Scene, data: mujoco.MjData) -> Observation:
+    # The free joint's qpos, not xpos: derived quantities of the last sub-step are one step old.
+    address = scene.object_qpos
+    R = np.empty(9)
+    mujoco.mju_quat2Mat(R, data.qpos[address + 3 : address + 7])
+    X_WO = make_pose(R.reshape(3, 3), data.qpos[address : address + 3])
+    touching = np.zeros(scene.n_fingers, dtype=bool)
+    if data.ncon:
+        geoms = data.contact.geom[data.contact.dist < 0.0]
+        with_object = geoms[(geoms == scene.object_geom).any(axis=1)]
+        touching = np.isin(scene.tip_geoms, with_object)
+    return Observation(data.time, data.qpos[scene.joint_qpos], data.qvel[scene.joint_dof], X_WO, touching)
+
+
+def _record(
+    rows: dict[str, list[Any]], scene: Scene, data: mujoco.MjData, command: Command, touches: Touches
+) -> None:
+    reference = np.full((scene.n_fingers, 4), np.nan)
+    R_WO = np.empty(9)
+    mujoco.mju_quat2Mat(R_WO, data.qpos[scene.object_qpos + 3 : scene.object_qpos + 7])
+    R_WO = R_WO.reshape(3, 3)
+    angle = np.full(scene.n_fingers, np.nan)
+    for i in np.flatnonzero(touches.active):
+        R_WC = R_WO @ touches.rotation_O[i]
+        reference[i, :3] = R_WC.T @ command.forces_W[i, :3]
+        reference[i, 3] = command.forces_W[i, 3]
+    values = {
+        "time": data.time,
+        "qpos": data.qpos.copy(),
+        "qvel": data.qvel.copy(),
+        "ctrl": command.ctrl,
+        "object_pose_reference": as_pose7(command.X_WO_ref),
+        "action_index": command.action_index,
+        "phase_index": command.phase_index,
+        "contact_active": touches.active,
+        "contact_point_O": touches.point_O,
+        "contact_rotation_O": touches.rotation_O,
+        "contact_force": touches.force,
+        "contact_force_reference": reference,
+        "contact_slip_velocity": touches.slip_velocity,
+        "tip_contact_angle": angle,
+        "qp_status": 0 if command.qp is None or command.qp.is_solved else 1,
+        "qp_wrench_residual": 0.0 if command.qp is None else float(np.abs(command.qp.wrench_residual).max()),
+        "tip_tracking_error": command.tip_error,
+        "ik_at_limit": command.ik_at_limit,
+    }
+    for name, value in values.items():
+        rows[name].append(value)
+
+
+def _find_failure(scene: Scene, data: mujoco.MjData) -> str | None:
+    height = data.qpos[scene.object_qpos + 2]
+    if not np.isfinite(data.qpos).all():
+        return "the simulation diverged"
+    if height < scene.object.X_WO_home[2, 3] - 0.05:
+        return "the object was dropped"
+    return None
