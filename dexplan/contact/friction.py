@@ -1,5 +1,4 @@
-"""What a fingertip can transmit: contact models with their exact friction cone and a pyramid inscribed in
-it."""
+"""What a fingertip can transmit: exact friction cones, and pyramids inscribed in them."""
 
 from __future__ import annotations
 
@@ -25,8 +24,7 @@ _SOFT_RINGS = ((90.0, 1), (51.15616, 6), (25.04134, 8), (0.0, 10), (-25.04134, 8
 
 
 class ContactModel(ABC):
-    """A point contact with Coulomb friction; forces act **on the object**, in a contact frame whose z points
-    into it.
+    """A point contact with friction; forces act **on the object**, in the contact frame (z into it).
 
     The components are (f_t1, f_t2, f_n) for a hard finger and (f_t1, f_t2, f_n, tau_n) for a soft one [MLS
     1994, §5.2]. With ``capacity`` c holding the largest force or torque that one newton of normal force can
@@ -49,8 +47,7 @@ class ContactModel(ABC):
 
     @abstractmethod
     def scaled(self, factor: float) -> Self:
-        """Return this model with all friction multiplied by ``factor``: a believed friction is ``scaled(1 /
-        safety)``."""
+        """Return this model with ``factor`` times the friction: belief is ``scaled(1 / safety)``."""
 
     @property
     @abstractmethod
@@ -68,29 +65,25 @@ class ContactModel(ABC):
         return self.section[1]
 
     def wrench_basis(self) -> Array:
-        """Return B (6, m): the wrench (f, tau) about the contact point, in the contact frame, is ``B @
-        f``."""
+        """Return B (6, m): the wrench about the contact point, in the contact frame, is ``B @ f``."""
         return np.eye(6)[:, [0, 1, 2, 5][: self.dimension]]
 
     def load(self, f: ArrayLike) -> Array:
-        """Return the normal force (...) [N] that friction needs to carry the other components of ``f`` (...,
-        m)."""
+        """Return the normal force (...) [N] that friction needs for the other parts of f (..., m)."""
         f = np.asarray(f, dtype=np.float64)
         if f.shape[-1] != self.dimension:
             raise ValueError(f"contact force has {f.shape[-1]} components; {self.dimension} are accepted")
         return np.linalg.norm(f[..., _OTHERS[: self.dimension - 1]] / self.capacity, axis=-1)
 
     def utilisation(self, f: ArrayLike) -> Array:
-        """Return the used share (...) of the exact cone by forces (..., m): 1 slides; inf for friction
-        without pressure."""
+        """Return the used share (...) of the exact cone: 1 slides, inf is friction without pressure."""
         load, normal = self.load(f), np.asarray(f, dtype=np.float64)[..., NORMAL]
         with np.errstate(divide="ignore", invalid="ignore"):
             used = np.where(normal > 0.0, load / normal, np.inf)
         return np.where((normal <= 0.0) & (load == 0.0), 0.0, used)
 
     def cone_margin(self, f: ArrayLike) -> Array:
-        """Return the normal force (...) [N] that could be taken away before sliding; negative outside the
-        exact cone."""
+        """Return the normal force (...) [N] to spare before sliding; negative outside the exact cone."""
         return np.asarray(f, dtype=np.float64)[..., NORMAL] - self.load(f)
 
     def facets(self) -> Array:
@@ -144,8 +137,7 @@ class HardFinger(ContactModel):
 @final
 @dataclass(frozen=True)
 class SoftFinger(ContactModel):
-    """Point contact that also resists spin about the normal, sharing one ellipsoidal cone between shear and
-    torsion.
+    """Point contact that also resists spin: shear and torsion share one ellipsoidal cone.
 
     ``sliding`` is mu [-]; ``torsional`` is mu_t [m], MuJoCo's unit: torque per newton of normal force.  A
     rubber patch of radius a gives about mu_t = (3 pi / 16) mu a (Hertz).
@@ -188,8 +180,7 @@ def _build_polygon(edges: int, phase: float) -> tuple[Array, float]:
 
 @lru_cache(maxsize=1)
 def _build_soft_section() -> tuple[Array, float]:
-    """Return unit normals (40, 3) and the largest h for which every vertex of {n . x <= h} stays in the unit
-    ball."""
+    """Return normals (40, 3) and the largest h that keeps {n . x <= h} inside the unit ball."""
     rows = []
     for latitude, count in _SOFT_RINGS:
         u, v = np.radians(latitude), 2.0 * np.pi * np.arange(count) / count

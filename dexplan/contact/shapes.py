@@ -15,8 +15,7 @@ from dexplan.spatial import Array
 @final
 @dataclass(frozen=True)
 class Sphere(AbstractSurface):
-    """A sphere of the given radius [m] about the origin; u is the latitude, v the longitude [rad] [MLS 1994,
-    ex. 5.5].
+    """Sphere of ``radius`` [m] about the origin; u latitude, v longitude [rad] [MLS 1994, §5.6].
 
     ``K = I / rho``, ``M = diag(rho, rho cos u)``, ``T = [0, -tan(u) / rho]``: the chart ends at the poles u =
     +-pi/2, where the longitude is undefined and T is unbounded.
@@ -69,8 +68,7 @@ class Sphere(AbstractSurface):
         return np.arcsin(np.clip(n[..., 2], -1.0, 1.0)), np.arctan2(n[..., 1], n[..., 0])
 
     def closest(self, direction: ArrayLike) -> Array:
-        """Return the points (..., 3) [m] in the given directions (..., 3); raises ValueError for a zero
-        direction."""
+        """Return the points (..., 3) [m] in these directions; raises ValueError for a zero one."""
         direction = np.asarray(direction, dtype=np.float64)
         length = np.linalg.norm(direction, axis=-1, keepdims=True)
         if np.any(length == 0.0):

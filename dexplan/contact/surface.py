@@ -56,16 +56,13 @@ class AbstractSurface(ABC):
 
     @abstractmethod
     def chart(self, p_O: ArrayLike) -> tuple[Array, Array]:
-        """Return the coordinates u, v (...) of points (..., 3); a point off the surface counts as its radial
-        image."""
+        """Return the coordinates u, v (...) of points (..., 3), taken radially onto the surface."""
 
     @abstractmethod
     def closest(self, direction: ArrayLike) -> Array:
-        """Return the points (..., 3) [m] where rays from the centre along ``direction`` (..., 3) meet the
-        surface."""
+        """Return the points (..., 3) [m] where rays from the centre along ``direction`` meet the surface."""
 
     def frame(self, u: ArrayLike, v: ArrayLike) -> Array:
-        """Return rotations (..., 3, 3) with columns (x, y, **inward** normal): the Gauss axes as a contact
-        frame."""
+        """Return the Gauss axes as contact frames (..., 3, 3): columns x, y, **inward** normal."""
         x, y = self.tangents(u, v)
         return np.stack([x, y, -self.normal(u, v)], axis=-1)

@@ -8,12 +8,12 @@ wanted torque.  Its state lives here and nowhere else.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import mink
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
@@ -21,10 +21,12 @@ from dexplan.control.reference import Phase, Reference
 from dexplan.control.tasks import FingertipTask
 from dexplan.grasp.force import ForceLimits, ForceSolution, ForceSolver
 from dexplan.scene.scene import Scene
-from dexplan.spatial import GRAVITY, Array, build_frame, hat
+from dexplan.spatial import GRAVITY, Array, build_frame, invert_pose, rotation_matrix, rotation_vector, skew
 
 TICK = 0.004
 """Control period [s]."""
+CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
+"""The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,7 @@ class Controller:
     def _enter(self, index: int, time: float, observation: Observation) -> None:
         self._phase, self._phase_start = index, time
         phase = self._reference.phases[index]
-        X_OW = np.linalg.inv(observation.X_WO)
+        X_OW = invert_pose(observation.X_WO)
         # A finger that begins to hold is carried from where it really touched, not from where it should have.
         for i in set(phase.holding) - self._adopted:
             self._carried[i] = X_OW @ self._X_WF[i]
@@ -183,25 +185,24 @@ class Controller:
     def _correct(self, observation: Observation, X_ref: Array, X_next: Array) -> Array:
         """Return the object pose to aim at: the next reference pose, shifted by the integral of the measured error."""
         gain = self._options.object_feedback * self._options.object_gain * TICK
-        R_error = Rotation.from_matrix(X_ref[:3, :3] @ observation.X_WO[:3, :3].T).as_rotvec()
+        R_error = rotation_vector(X_ref[:3, :3] @ observation.X_WO[:3, :3].T)
         self._correction[:3] += gain * (X_ref[:3, 3] - observation.X_WO[:3, 3])
         self._correction[3:] += gain * R_error
-        np.clip(self._correction[:3], -1e-3, 1e-3, out=self._correction[:3])
-        np.clip(self._correction[3:], -0.03, 0.03, out=self._correction[3:])
+        np.minimum(np.maximum(self._correction, -CORRECTION_LIMIT, out=self._correction), CORRECTION_LIMIT, out=self._correction)
         X = X_next.copy()
-        X[:3, :3] = Rotation.from_rotvec(self._correction[3:]).as_matrix() @ X[:3, :3]
+        X[:3, :3] = rotation_matrix(self._correction[3:]) @ X[:3, :3]
         X[:3, 3] += self._correction[:3]
         return X
 
     def _relax(self, observation: Observation, phase: Phase) -> None:
         share = TICK / self._options.relaxation
-        X_OW = np.linalg.inv(observation.X_WO)
+        X_OW = invert_pose(observation.X_WO)
         for i in phase.holding:
             X_OF = X_OW @ self._X_WF[i]
             carried = self._carried[i]
             carried[:3, 3] += share * (X_OF[:3, 3] - carried[:3, 3])
-            turn = Rotation.from_matrix(X_OF[:3, :3] @ carried[:3, :3].T).as_rotvec()
-            carried[:3, :3] = Rotation.from_rotvec(share * turn).as_matrix() @ carried[:3, :3]
+            turn = rotation_vector(X_OF[:3, :3] @ carried[:3, :3].T)
+            carried[:3, :3] = rotation_matrix(share * turn) @ carried[:3, :3]
 
     def _follow(self, phase: Phase, t: float, X_WO_aim: Array) -> tuple[Array, float, bool]:
         """Aim every fingertip for the end of this tick and let mink move the commanded posture there."""
@@ -258,14 +259,14 @@ class Controller:
         frames = []
         for k, i in enumerate(holding):
             p_OC = surface.closest(self._carried[i][:3, 3])
-            R_OC = build_frame(-p_OC / np.linalg.norm(p_OC))
+            R_OC = build_frame(-p_OC / math.sqrt(p_OC.dot(p_OC)))
             G[:3, 4 * k : 4 * k + 3] = R_OC
-            G[3:, 4 * k : 4 * k + 3] = hat(p_OC) @ R_OC
+            G[3:, 4 * k : 4 * k + 3] = skew(p_OC) @ R_OC
             G[3:, 4 * k + 3] = R_OC[:, 2]
             R_WC = R_WO @ R_OC
             arm = observation.X_WO[:3, 3] + R_WO @ p_OC - self._X_WF[i][:3, 3]
             J = self._J[i][:, self._joints[i]]
-            maps[k, :, :3] = (J[:3] - hat(arm) @ J[3:]).T @ R_WC
+            maps[k, :, :3] = (J[:3] - skew(arm) @ J[3:]).T @ R_WC
             maps[k, :, 3] = J[3:].T @ R_WC[:, 2]
             frames.append(R_WC)
         mass, inertia = self._scene.object.mass, self._scene.object.inertia

@@ -6,6 +6,7 @@ after its duration, or, where a finger comes down, when the touch sensor of that
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from dexplan.planning.plan import Action, Placement, Plan
 from dexplan.scene.chain import solve_ik
 from dexplan.scene.description import FingerDescription
-from dexplan.spatial import Array, read_only, rotate_about
+from dexplan.spatial import Array, read_only, rotation_matrix
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class ObjectPath:
         """Return X_WO (4, 4), its twist (v, w) and acceleration (6,) in world axes, ``t`` [s] after the start."""
         s, ds, dds = _cruise(t, self.duration, self.ramp)
         X = self.X_WO_start.copy()
-        X[:3, :3] = rotate_about(self.axis_W, s * self.angle) @ X[:3, :3]
+        X[:3, :3] = rotation_matrix(s * self.angle * self.axis_W) @ X[:3, :3]
         X[:3, 3] += s * self.shift_W
         direction = np.concatenate([self.shift_W, self.angle * self.axis_W])
         return X, ds * direction, dds * direction
@@ -70,11 +71,11 @@ def _cruise(t: float, duration: float, ramp: float) -> tuple[float, float, float
 
     def rise(x: float) -> tuple[float, float, float]:
         # velocity = speed * (1 - cos(pi x / ramp)) / 2
-        phase = np.pi * x / ramp
+        phase = math.pi * x / ramp
         return (
-            speed * 0.5 * (x - ramp / np.pi * np.sin(phase)),
-            speed * 0.5 * (1.0 - np.cos(phase)),
-            speed * 0.5 * np.pi / ramp * np.sin(phase),
+            speed * 0.5 * (x - ramp / math.pi * math.sin(phase)),
+            speed * 0.5 * (1.0 - math.cos(phase)),
+            speed * 0.5 * math.pi / ramp * math.sin(phase),
         )
 
     if t < ramp:

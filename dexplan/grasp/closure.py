@@ -106,8 +106,7 @@ def _cut(grasp: Grasp, index: int, direction: Array, size: int) -> Array:
 
 
 def check_antipodal(p1: ArrayLike, n1: ArrayLike, p2: ArrayLike, n2: ArrayLike, mu: float) -> ClosureResult:
-    """Check two soft fingers at p1, p2 (3,) with **outward** normals n1, n2 (3,): closed iff the chord is
-    inside both cones.
+    """Check two soft fingers at p1, p2 with **outward** normals n1, n2: is the chord in both cones?
 
     [Nguyen 1988; MLS 1994, th. 5.7].  Any surface; the margin is an angle [rad].  Raises ValueError for
     coincident points.
@@ -131,8 +130,7 @@ def _angle(a: Array, b: Array) -> float:
 
 
 def sphere_pair_angle_min(mu: float) -> float:
-    """Return the smallest central angle [rad] of a force-closed soft pair on a sphere: pi - 2 atan(mu) [paper
-    §3, result 2]."""
+    """Return the least central angle [rad] of a closed soft pair: pi - 2 atan(mu) [paper §3]."""
     return float(np.pi - 2.0 * np.arctan(mu))
 
 
@@ -148,8 +146,7 @@ def check_sphere_pair(direction_1: ArrayLike, direction_2: ArrayLike, mu: float)
 
 
 def check_sphere_triple_sufficient(directions: ArrayLike, mu: float) -> ClosureResult:
-    """Check the paper's **sufficient** condition for three hard fingers on a sphere, directions (3, 3) in
-    rows.
+    """Check the **sufficient** condition for three hard fingers on a sphere, directions in rows.
 
     [paper §3, result 3]: the triangle is acute and its plane is nearer to the centre than r sin(theta).  A
     grasp that fails may still be closed (equatorial azimuths 0, 60, 150 deg at mu 0.5): ask

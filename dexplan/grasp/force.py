@@ -1,13 +1,12 @@
-"""Which forces should the fingers exert?  A quadratic program, built once per contact mode and solved at
-every control tick.
+"""Which forces should the fingers exert?  A program built once per contact mode, solved every tick.
 
 Unknowns are the contact forces f (sum m) on the object, each in its contact frame:
 
     minimise    w_n sum (f_n - target)^2 + w_t sum |f_t / c|^2 [+ w_s |f - previous|^2, in the same units]
-    subject to  G f = wrench                                  the object gets the wrench it needs, exactly or
-                within a band A_i f_i <= 0                                  pyramid inscribed in the exact
-                cone floor <= f_n <= ceiling
-                lower <= bias + (torque map) f <= upper       joint torques
+    subject to  G f = wrench                              exactly, or within a band
+                A_i f_i <= 0                              pyramid inscribed in the exact cone
+                floor <= f_n <= ceiling
+                lower <= bias + (torque map) f <= upper   joint torques
 
 A minimum-norm solution would ride its cone; a normal force pulled to a target well inside does not.  The
 wrench is a constraint and never a cost: a weight that trades it against force under-delivers without a word
@@ -56,8 +55,8 @@ class ForceSolver:
         length: size of the object [m].
         reach: typical lever arm of a joint [m].
         normal_weight, friction_weight, smoothness: w_n, w_t, w_s.
-        wrench_tolerance: half width [N] of the band around the wrench (torques: times ``length``); 0 asks for
-        equality. tolerance: OSQP's absolute and relative tolerance [N].
+        wrench_tolerance: half width [N] of the band around the wrench (torque: times ``length``), or 0.
+        tolerance: OSQP's absolute and relative tolerance [N].
         max_iterations: when an exact method takes over from OSQP.
     """
 
@@ -73,7 +72,7 @@ class ForceSolver:
         smoothness: float = 0.0,
         wrench_tolerance: float = 0.0,
         tolerance: float = 1e-6,
-        max_iterations: int = 200,
+        max_iterations: int = 400,
     ) -> None:
         if not models:
             raise ValueError("no contact models; one or more are accepted")
@@ -170,11 +169,11 @@ class ForceSolver:
 
         Args:
             G: grasp map (6, sum m).
-            wrench: (f, tau) (6,) [N, N m] that the fingers shall exert on the object, about its origin, in
-            the axes of G. limits: of normal forces and joint torques.
+            wrench: (f, tau) (6,) [N, N m] for the fingers to exert on the object, about the origin of G.
+            limits: of normal forces and joint torques.
             target_normal: (F,) [N] normal forces to aim at.
-            torque_maps: (F, J, m) joint torque per contact force; for mixed models m is the largest
-            dimension. torque_bias: (F, J) [N m] joint torques at zero contact force; zero by default.
+            torque_maps: (F, J, m) joint torque per contact force; m is the largest dimension of the models.
+            torque_bias: (F, J) [N m] joint torques at zero contact force; zero by default.
             previous: (F, 4) forces that ``smoothness`` keeps near; the target without friction by default.
 
         Raises:
@@ -247,8 +246,7 @@ class ForceSolver:
                     bounds[self._first_torque :] = -_INFINITY if bounds is lower else _INFINITY
 
     def _iterate(self, G: Array, wrench: Array) -> tuple[str, Array, int]:
-        """Run OSQP, finish its work if it ran out of iterations, and believe the result only if the wrench
-        checks out."""
+        """Run OSQP, finish its work if it stops short, and believe it only if the wrench checks."""
         result = self._solver.solve(raise_error=False)
         y, iterations, said = result.x, int(result.info.iter), result.info.status
         if said != "solved":

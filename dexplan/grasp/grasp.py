@@ -1,5 +1,4 @@
-"""A grasp as a value, and the two linear maps that make up its statics: the grasp map and the hand
-Jacobian."""
+"""A grasp as a value, and the two linear maps of its statics: grasp map and hand Jacobian."""
 
 from __future__ import annotations
 
@@ -71,8 +70,7 @@ class Grasp:
 
 
 def contact_on_sphere(finger: int, direction_O: ArrayLike, radius: float, model: ContactModel) -> Contact:
-    """Return the contact on a sphere about the object's origin, in the **outward** direction (3,); t2 is
-    nearest to object z.
+    """Return the contact on a sphere about the origin, in an **outward** direction; t2 is near object z.
 
     Raises ValueError for a zero direction.
     """
@@ -85,8 +83,7 @@ def contact_on_sphere(finger: int, direction_O: ArrayLike, radius: float, model:
 
 
 def compute_grasp_map(grasp: Grasp) -> Array:
-    """Return G (6, sum m): the wrench (f, tau) on the object about its origin, in object axes, is ``G @
-    f_c``.
+    """Return G (6, sum m): the wrench on the object about its origin, in its axes, is ``G @ f_c``.
 
     Column block i is Ad^-T of the contact frame times its wrench basis [MLS 1994, eq. 5.6].
     """

@@ -22,8 +22,7 @@ def compute_singular_value_min(grasp: Grasp, length: float = 1.0) -> float:
 
 
 def compute_support(grasp: Grasp, direction: Array, length: float) -> float:
-    """Return the largest ``direction . wrench`` with normal forces in [0, 1] N and all forces inside the
-    exact cones.
+    """Return the largest ``direction . wrench`` of forces in the exact cones with f_n in [0, 1] N.
 
     ``direction`` (6,) pairs with (f, tau / length).  The wrench set is a Minkowski sum, so its support
     function is the sum over contacts of max(0, a_n + |c * a_t|) with a = G_i^T direction: no hull has to be
@@ -33,8 +32,7 @@ def compute_support(grasp: Grasp, direction: Array, length: float) -> float:
 
 
 def compute_ferrari_canny(grasp: Grasp, length: float, starts: int = 40, seed: int = 0) -> float:
-    """Return the radius [N] of the largest ball about zero inside the wrenches of normal forces at most 1 N
-    each.
+    """Return the radius [N] of the largest ball of wrenches that unit normal forces can resist.
 
     Torques are divided by ``length`` [m] (the radius of a sphere).  This is the Minkowski-sum form [Ferrari &
     Canny 1992]: the least support over all unit directions, zero without force closure.  Three equatorial

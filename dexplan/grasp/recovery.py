@@ -1,5 +1,4 @@
-"""What to do when the fast solver of a quadratic program stops short: finish its work exactly, or say why
-nothing can.
+"""When the fast solver of a quadratic program stops short: finish exactly, or say why nothing can.
 
 Both functions see the program ``minimise 1/2 x' diag(p) x + q' x  s.t.  lower <= A x <= upper`` as dense
 arrays; they are slower than a warm solve by a factor of ten and run only after one has failed.
@@ -33,9 +32,9 @@ def solve_exact(program: Program, tolerance: float = 1e-7) -> Array | None:
     """Return the minimiser (n,) to machine precision, or None if the program is infeasible.
 
     With z = sqrt(p) x + q / sqrt(p) the program asks for the shortest z with E z = e and C z >= h.  The
-    equations leave z = z0 + N w; the dual in w is a non-negative least-squares problem that ends after finitely
-    many pivots [Lawson & Hanson 1974, ch. 23, algorithm LDP].  An answer that violates a row by more than
-    ``tolerance`` is not given.
+    equations leave z = z0 + N w; the dual in w is a non-negative least-squares problem that ends after
+    finitely many pivots [Lawson & Hanson 1974, ch. 23, algorithm LDP].  An answer that violates a row by
+    more than ``tolerance`` is not given.
     """
     p, q, A, lower, upper = program
     root = np.sqrt(p)
@@ -66,8 +65,7 @@ def solve_exact(program: Program, tolerance: float = 1e-7) -> Array | None:
 
 
 def measure_infeasibility(program: Program, groups: Mapping[str, slice]) -> dict[str, tuple[float, Array]]:
-    """Return for each group of rows the least loosening that alone makes the program feasible, and the x (n,)
-    it allows.
+    """Return per group of rows the least loosening that alone cures the program, and its x (n,).
 
     A loosening of zero means that the program is feasible as it stands; groups that cannot cure it alone are
     left out.

@@ -13,8 +13,7 @@ from dexplan.spatial import Array, read_only
 
 @dataclass(frozen=True, eq=False)
 class ForceLimits:
-    """What fingers may do: normal force (F,) [N] from floor to ceiling, joint torques (F, J) [N m] or None
-    for no limit.
+    """Bounds on normal forces (F,) [N] and, unless None, on joint torques (F, J) [N m].
 
     A contact being loaded or unloaded has floor 0 and a ceiling that ramps from or to 0.
     """

@@ -36,7 +36,6 @@ def build_model_xml(parameters: SceneParameters) -> str:
         raise UnknownNameError("physics profile", parameters.physics_profile, PROFILES)
     root = _load("arena", parameters)
     root.model = parameters.scene
-    root.option.noslip_iterations = PROFILES[parameters.physics_profile]["noslip_iterations"]
     ranges = {name: (lower, upper) for name, lower, upper in parameters.joint_ranges_deg}
     bases = zip(parameters.base_azimuths_deg, parameters.tip_radii, strict=True)
     for k, (azimuth, radius) in enumerate(bases, start=1):
@@ -65,6 +64,8 @@ def build_model_xml(parameters: SceneParameters) -> str:
     ball.find("geom", "surface").mass = parameters.object_mass
     home = root.worldbody.add("site", name="object_home", pos=HOME_POSITION, size=[0.002], group=4)
     home.attach(ball).add("freejoint", name="free")
+    # Last, because attaching a part brings its own options along.
+    root.option.noslip_iterations = PROFILES[parameters.physics_profile]["noslip_iterations"]
     for k, obstacle in enumerate(parameters.obstacles, start=1):
         root.worldbody.add(
             "geom",

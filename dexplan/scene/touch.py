@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.scene.scene import Scene
-from dexplan.spatial import Array
+from dexplan.spatial import Array, cross
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,4 +85,4 @@ def _point_velocity(
 ) -> tuple[Array, Array]:
     # cvel is (w, v) about the centre of mass of the body's whole tree, in world axes.
     w, v = data.cvel[body, :3], data.cvel[body, 3:]
-    return v + np.cross(w, p_W - data.subtree_com[model.body_rootid[body]]), w
+    return v + cross(w, p_W - data.subtree_com[model.body_rootid[body]]), w

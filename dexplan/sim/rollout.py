@@ -67,6 +67,7 @@ def rollout(
         if progress is not None:
             progress(min(1.0, data.time / planned))
     columns = {name: np.array(values) for name, values in rows.items()}
+    columns["object_pose_reference"] = as_pose7(columns["object_pose_reference"])
     columns["initial_state"] = initial_state
     columns["physics_steps_per_sample"] = np.array(steps)
     versions = {name: version(name) for name in ("mujoco", "mink", "osqp", "numpy", "scipy")}
@@ -144,7 +145,7 @@ def _record(
         "qpos": data.qpos.copy(),
         "qvel": data.qvel.copy(),
         "ctrl": command.ctrl,
-        "object_pose_reference": as_pose7(command.X_WO_ref),
+        "object_pose_reference": command.X_WO_ref,
         "action_index": command.action_index,
         "phase_index": command.phase_index,
         "contact_active": touches.active,

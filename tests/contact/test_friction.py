@@ -30,8 +30,7 @@ def test_utilisation_without_pressure() -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_pyramid_is_inscribed_with_the_stated_inradius(model: ContactModel) -> None:
-    """Vertices by an independent half-space intersection: all in the exact cone, some on it; inradius as
-    told."""
+    """Vertices by an independent half-space intersection; all of them in the exact cone."""
     A = model.facets()
     others = [j for j in range(model.dimension) if j != 2]
     halfspaces = np.column_stack([A[:, others] * model.capacity, A[:, 2]])  # at f_n = 1, in the unit ball

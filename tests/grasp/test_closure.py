@@ -105,8 +105,7 @@ def test_pair_lp_antipodal_and_closed_form_agree(mu: float, phi_min_deg: float, 
 @pytest.mark.parametrize("mu", [0.3, 0.5, 0.8])
 @pytest.mark.parametrize(("side", "expected"), [(-0.01, True), (0.01, False)])
 def test_triple_closes_below_its_height_limit(mu: float, side: float, expected: bool) -> None:
-    """Three fingers on a circle of latitude: closed iff h < r sin(theta); here the condition is also
-    necessary."""
+    """On a circle of latitude h < r sin(theta) is necessary as well."""
     elevation = float(np.degrees(np.arcsin(np.sin(np.arctan(mu)) + side)))
     grasp = ring((0, 120, 240), HardFinger(mu), elevation)
     assert check_force_closure(grasp).is_closed is expected

@@ -1,5 +1,4 @@
-"""The contact-force program: against two other solvers, its own residuals, its limits, and its speed's
-preconditions."""
+"""The contact-force program against two other solvers, its own residuals and its limits."""
 
 from __future__ import annotations
 

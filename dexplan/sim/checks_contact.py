@@ -1,0 +1,240 @@
+"""Who touches, where, and whether it rolls: contact schedule, order, clearance, rolling, slip, creep, depth."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dexplan.sim.checks_case import (
+    MAY,
+    MUST,
+    MUST_NOT,
+    UNKNOWN,
+    Case,
+    CheckResult,
+    fail,
+    find_runs,
+    judge,
+    judge_all,
+    judge_count,
+    judge_worst,
+    widen,
+)
+from dexplan.sim.replay import OBSTACLE_KINDS, Flags
+from dexplan.spatial import Array
+
+MM, UM = 1e3, 1e6
+
+
+def check_contact_schedule(case: Case) -> CheckResult:
+    """Who must touch touches, who must not does not, and touching or letting go takes no longer than the window."""
+    active, required = case.replay.contact_active, case.required
+    wrong = ((required == MUST) & ~active) | ((required == MUST_NOT) & active) | (required == UNKNOWN)
+    reach = int(round(case.limit("contact_window_s") / case.sample_time))
+    for k in range(case.finger_count):
+        # Phases that follow each other with "may" are one window: one change, however the plan cuts it.
+        for start, stop in find_runs(required[:, k] == MAY):
+            touching = np.flatnonzero(active[start:stop, k])
+            if len(touching) == 0:
+                continue
+            was_touching = active[start - 1, k] if start else active[start, k]
+            if was_touching:
+                wrong[start + reach + 1 : stop, k] |= active[start + reach + 1 : stop, k]
+            else:
+                # Between the first touch and the phase's end all beyond the window is too early.
+                wrong[start + touching[0] : max(stop - reach, start), k] = True
+    note = f"quiet {100 * case.quiet.mean():.1f} % of the time" if case.sample_count else ""
+    return judge_count(
+        "contact_schedule", wrong, case.replay.time, case.limit("contact_schedule"), note, case.replay.world.fingers
+    )
+
+
+def check_finger_order_kept(case: Case) -> CheckResult:
+    """Around the object, seen from above, the tips stand in the same cyclic order as the fingers' bases."""
+    replay = case.replay
+    base = replay.world.base_position - replay.world.home_pose[:3]
+    order = np.argsort(np.arctan2(base[:, 1], base[:, 0]))
+    tips = replay.tip_position[:, order] - replay.object_pose[:, None, :3]
+    azimuth = np.arctan2(tips[..., 1], tips[..., 0])
+    # In order, the steps from tip to tip go around exactly once.
+    around = np.mod(np.roll(azimuth, -1, axis=1) - azimuth, 2 * np.pi).sum(axis=1)
+    wrong = ~(np.abs(around - 2 * np.pi) < np.pi) if case.finger_count > 1 else np.isnan(around)
+    return judge_count("finger_order_kept", wrong, replay.time, case.limit("finger_order_kept"))
+
+
+def check_unexpected_contacts(case: Case) -> CheckResult:
+    """Nothing touches but fingertips and the object."""
+    met: dict[str, int] = {}
+    for contact in case.replay.other_contacts:
+        pair = " with ".join(contact.geoms)
+        met[pair] = met.get(pair, 0) + 1
+    note = "; ".join(f"{pair}: {count}" for pair, count in sorted(met.items()))
+    first = case.replay.other_contacts[0].sample if met else None
+    moment = None if first is None else float(case.replay.time[first])
+    if not case.sample_count:
+        return fail("unexpected_contacts", "count", "there are no samples")
+    return judge("unexpected_contacts", sum(met.values()), case.limit("unexpected_contacts"), "count", moment, note)
+
+
+def check_object_support_other(case: Case) -> CheckResult:
+    """No force on the object from links, floor or obstacles."""
+    name, limit = "object_support_other", case.limit("object_support_other_N")
+    ball = case.replay.world.geom_names[case.replay.world.object_geom]
+    held = [contact for contact in case.replay.other_contacts if ball in contact.geoms]
+    if not held:
+        return judge(name, 0.0 if case.sample_count else np.nan, limit, "N")
+    worst = max(held, key=lambda contact: np.inf if np.isnan(contact.force) else contact.force)
+    # A touch without force is still a support that should not be there.
+    force = max(worst.force, float(np.nextafter(0.0, 1.0)))
+    return judge(name, force, limit, "N", float(case.replay.time[worst.sample]), " with ".join(worst.geoms))
+
+
+def check_free_finger_clearance(case: Case) -> CheckResult:
+    """A finger that must not touch stays clear; beside a touch window the object, and only it, may be nearer."""
+    name, limit, replay = "free_finger_clearance_min", case.limit("free_finger_clearance_min_mm"), case.replay
+    samples = replay.clearance_samples
+    if len(samples) == 0:
+        return fail(name, "mm", "there are no samples", limit)
+    free = (case.required == MUST_NOT)[samples]
+    near = widen(case.required == MAY, int(round(case.limit("clearance_grace_s") / case.sample_time)))[samples]
+    distance = np.where(free[..., None], replay.clearance, replay.clearance_horizon)
+    to_object = OBSTACLE_KINDS.index("object")
+    distance[..., to_object] = np.where(near, replay.clearance_horizon, distance[..., to_object])
+    labels = tuple(f"{finger} to {kind}" for finger in replay.world.fingers for kind in OBSTACLE_KINDS)
+    note = "" if free.any() else "no finger is ever free"
+    flat = distance.reshape(len(samples), -1) * MM
+    return judge_worst(name, flat, replay.time[samples], limit, "mm", note, at_least=True, labels=labels)
+
+
+def check_rolling_error_max(case: Case) -> CheckResult:
+    """Contacts on object and tip against pure rolling, for spheres of radii R and r.
+
+    With the outward normal n_O at the contact and the tip's rotation relative to the object, w, rolling without sliding gives
+    dn_O/dt = r/(R + r) w x n_O on the object and, with the direction m_F = -n seen from the tip, dm_F/dt = -R/(R + r) w x m_F.
+    Both are integrated over each contact from its first sample and compared with the direction between the two centres.
+    """
+    name, limit, replay = "rolling_error_max", case.limit("rolling_error_max_deg"), case.replay
+    R, r = replay.world.object_radius, replay.world.tip_radius
+    worst, moment, label, measured = 0.0, None, "", False
+    if not (np.isfinite(replay.object_pose).all() and np.isfinite(replay.tip_rotation).all()):
+        return fail(name, "deg", "a pose is not a number", limit)
+    if not case.sample_count or np.isnan(R):
+        return fail(name, "deg", "there is nothing to measure", limit)
+    R_WO = Rotation.from_quat(replay.object_pose[:, 3:], scalar_first=True)
+    for k in range(case.finger_count):
+        R_OF = R_WO.inv() * Rotation.from_matrix(replay.tip_rotation[:, k])
+        centre = R_WO.inv().apply(replay.tip_position[:, k] - replay.object_pose[:, :3])
+        n_O = centre / np.linalg.norm(centre, axis=1, keepdims=True)
+        m_F = R_OF.inv().apply(-n_O)
+        # Turn of the tip against the object from sample to sample, in object axes and in tip axes.
+        step_O = (R_OF[1:] * R_OF[:-1].inv()).as_rotvec()
+        step_F = (R_OF[:-1].inv() * R_OF[1:]).as_rotvec()
+        share = r[k] / (R + r[k])
+        for start, stop in find_runs(replay.contact_active[:, k]):
+            measured = True
+            for kind, steps, seen, rate in (("object", step_O, n_O, share), ("tip", step_F, m_F, share - 1.0)):
+                rolled = _roll(seen[start], rate * steps[start : stop - 1])
+                error = np.degrees(_angles(rolled, seen[start:stop]))
+                if error.max() > worst:
+                    worst, moment = float(error.max()), float(replay.time[start + int(error.argmax())])
+                    label = f"{replay.world.fingers[k]}, contact on the {kind}"
+    if not measured:
+        return fail(name, "deg", "no finger ever touches", limit)
+    return judge(name, worst, limit, "deg", moment, label)
+
+
+def check_coulomb_slip_max(case: Case) -> CheckResult:
+    """Distance slid at the friction limit, per finger and contact episode."""
+    name, limit, replay = "coulomb_slip_max", case.limit("coulomb_slip_max_mm"), case.replay
+    sliding = replay.contact_active & (case.utilisation >= case.limit("coulomb_utilisation"))
+    speed = np.linalg.norm(replay.contact_slip_velocity[..., :2], axis=-1)
+    if np.isnan(speed[replay.contact_active]).any() or np.isnan(case.utilisation[replay.contact_active]).any():
+        return fail(name, "mm", "a slip velocity or a force is not a number", limit)
+    if not replay.contact_active.any():
+        return fail(name, "mm", "no finger ever touches", limit)
+    path = np.where(sliding, np.nan_to_num(speed), 0.0) * case.sample_time * MM
+    reach = int(round(case.limit("contact_window_s") / case.sample_time))
+    worst, moment = np.zeros(case.finger_count), 0.0
+    for k in range(case.finger_count):
+        # Bounces of one touch belong to one episode: gaps shorter than a window do not end it.
+        for start, stop in find_runs(_close_gaps(replay.contact_active[:, k], reach)):
+            slid = float(path[start:stop, k].sum())
+            if slid > worst[k]:
+                moment = float(replay.time[start + int(path[start:stop, k].argmax())]) if slid > worst.max() else moment
+                worst[k] = slid
+    note = ", ".join(f"{name} {slid:.3f}" for name, slid in zip(replay.world.fingers, worst, strict=True))
+    return judge(name, float(worst.max()), limit, "mm", moment, note)
+
+
+def check_creep_rate_max(case: Case) -> CheckResult:
+    """Drift of a settled contact inside its cone: mean slip over quiet windows, at rest and moving apart.
+
+    The slip velocity is averaged as a vector in the object frame, so that what comes back does not count.
+    """
+    name, replay = "creep_rate_max", case.replay
+    is_portable = case.problem["control"]["physics_profile"] == "portable"
+    factor = case.limit("creep_portable_factor") if is_portable else 1.0
+    window = max(1, int(round(case.limit("creep_window_s") / case.sample_time)))
+    moves = np.zeros(case.sample_count, dtype=bool)
+    moves[1:] = np.any(case.reference[1:] != case.reference[:-1], axis=1)
+    velocity = np.einsum("tfij,tfj->tfi", replay.contact_rotation_O[..., :2], replay.contact_slip_velocity[..., :2])
+    rows: dict[bool, list[tuple[float, float]]] = {False: [], True: []}
+    for k in range(case.finger_count):
+        for start, stop in find_runs(case.settled[:, k]):
+            if stop - start < window:
+                continue
+            total = np.cumsum(np.concatenate([np.zeros((1, 3)), velocity[start:stop, k]]), axis=0)
+            rate = np.linalg.norm(total[window:] - total[:-window], axis=1) / window * UM
+            moved = np.cumsum(np.concatenate([[0], moves[start:stop]]))
+            is_moving = moved[window:] > moved[:-window]
+            for value, moving, t in zip(rate, is_moving, replay.time[start : stop - window + 1], strict=True):
+                rows[bool(moving)].append((float(value), float(t)))
+    parts = []
+    for moving, key, word in ((False, "creep_rest_um_s", "at rest"), (True, "creep_moving_um_s", "moving")):
+        if rows[moving]:
+            values, times = np.array(rows[moving]).T
+            worst = values.max() if not np.isnan(values).any() else np.nan
+            note = f"{word} {worst:.2f}"
+            parts.append(judge_worst(name, values, times, factor * case.limit(key), "µm/s", note))
+    if not parts:
+        return fail(name, "µm/s", "no contact is quiet for as long as the window")
+    return judge_all(name, parts)
+
+
+def check_penetration_max(case: Case) -> CheckResult:
+    """Depth of the tips in the object."""
+    depth = np.where(case.replay.contact_active, case.replay.penetration, 0.0) * UM
+    limit, fingers = case.limit("penetration_max_um"), case.replay.world.fingers
+    return judge_worst("penetration_max", depth, case.replay.time, limit, "µm", labels=fingers)
+
+
+def check_tip_contact_angle_max(case: Case) -> CheckResult:
+    """Angle between a tip's pole and its contact, against the hand's polar limit."""
+    angle = np.degrees(np.where(case.replay.contact_active, case.replay.tip_contact_angle, 0.0))
+    limit = float(case.problem["hand"]["tip_polar_limit_deg"]) + case.limit("tip_contact_angle_slack_deg")
+    fingers = case.replay.world.fingers
+    return judge_worst("tip_contact_angle_max", angle, case.replay.time, limit, "deg", labels=fingers)
+
+
+def _roll(direction: Array, steps: Array) -> Array:
+    """Return the directions (N + 1, 3) that ``direction`` (3,) takes under the successive rotation vectors (N, 3)."""
+    out = np.empty((len(steps) + 1, 3))
+    out[0] = direction
+    matrices = Rotation.from_rotvec(steps).as_matrix() if len(steps) else np.zeros((0, 3, 3))
+    for i, matrix in enumerate(matrices):
+        out[i + 1] = matrix @ out[i]
+    return out
+
+
+def _angles(a: Array, b: Array) -> Array:
+    """Return the angles (N,) [rad] between unit vectors (N, 3)."""
+    return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=1) / 2, 0.0, 1.0))
+
+
+def _close_gaps(mask: Flags, reach: int) -> Flags:
+    """Return ``mask`` (T,) with gaps of at most ``reach`` samples between true samples filled."""
+    out = mask.copy()
+    for start, stop in find_runs(~mask):
+        if start > 0 and stop < len(mask) and stop - start <= reach:
+            out[start:stop] = True
+    return out
