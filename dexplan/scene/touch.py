@@ -71,6 +71,19 @@ def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
     return Touches(active, point, rotation, force, slip, penetration)
 
 
+def compute_static_normal_force(scene: Scene, data: mujoco.MjData, finger: int) -> float:
+    """Return the normal force [N] that the finger's contact would carry if everything stood still at this depth.
+
+    At rest MuJoCo's soft contact gives ``f = D aref``, its stiffness times the depth.  Needs constraints made by mj_forward;
+    0 where the finger does not touch.
+    """
+    for k in range(data.ncon):
+        if set(data.contact.geom[k]) == {scene.tip_geoms[finger], scene.object_geom}:
+            row = data.contact.efc_address[k]
+            return float(data.efc_D[row] * data.efc_aref[row]) if row >= 0 else 0.0
+    return 0.0
+
+
 def _relative_velocity(
     model: mujoco.MjModel, data: mujoco.MjData, body: int, other: int, p_W: Array
 ) -> tuple[Array, Array]:

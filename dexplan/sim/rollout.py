@@ -15,7 +15,7 @@ from dexplan.control.observation import Observation
 from dexplan.control.reference import Reference
 from dexplan.scene.chain import solve_ik
 from dexplan.scene.scene import Scene
-from dexplan.scene.touch import Touches, read_touches
+from dexplan.scene.touch import Touches, compute_static_normal_force, read_touches
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, as_pose7, make_pose
 
@@ -42,8 +42,7 @@ def rollout(
     steps = round(TICK / model.opt.timestep)
     data, probe = mujoco.MjData(model), mujoco.MjData(model)
     X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
-    data.qpos[:] = scene.as_qpos(_start_posture(scene, reference, X_WO), X_WO)
-    mujoco.mj_forward(model, data)
+    _set_start(scene, reference, options, X_WO, data)
     size = mujoco.mj_stateSize(model, STATE)
     state = np.zeros(size)
     mujoco.mj_getState(model, data, state, STATE)
@@ -100,14 +99,42 @@ _COLUMNS = (
 )
 
 
-def _start_posture(scene: Scene, reference: Reference, X_WO: Array) -> Array:
-    """Return joint angles (F, J) with the tips in contact where the reference starts, the others at home."""
+def _set_start(
+    scene: Scene, reference: Reference, options: ControlOptions, X_WO: Array, data: mujoco.MjData
+) -> None:
+    """Put the tips in contact where the reference starts, as deep as the first wanted forces press them; others at home.
+
+    The world starts at rest; a tip that starts too shallow would fall into the object and drag it along.
+    """
+    touching = [i for i, X_OF in enumerate(reference.start) if X_OF is not None]
+    depth = np.full(scene.n_fingers, START_DEPTH)
+    for _ in range(4):
+        data.qpos[:] = scene.as_qpos(_start_posture(scene, reference, X_WO, depth), X_WO)
+        mujoco.mj_forward(scene.model, data)
+        wanted = Controller(scene, reference, options).step(_observe(scene, data)).forces_W
+        surface_normals = {i: _inward_normal(scene, data, i) for i in touching}
+        for i in touching:
+            static = compute_static_normal_force(scene, data, i)
+            if static > 0.0 and np.isfinite(wanted[i]).all():
+                depth[i] *= float(surface_normals[i] @ wanted[i, :3]) / static
+    data.qpos[:] = scene.as_qpos(_start_posture(scene, reference, X_WO, depth), X_WO)
+    mujoco.mj_forward(scene.model, data)
+
+
+def _inward_normal(scene: Scene, data: mujoco.MjData, finger: int) -> Array:
+    """Return the inward normal (3,) at the finger's contact in W: for convex tips, from the tip's centre to the nearest point."""
+    offset = data.xpos[scene.object_body] - data.geom_xpos[scene.tip_geoms[finger]]
+    return offset / np.linalg.norm(offset)
+
+
+def _start_posture(scene: Scene, reference: Reference, X_WO: Array, depth: Array) -> Array:
+    """Return joint angles (F, J) with the tips ``depth`` (F,) [m] in the object where the reference starts, others at home."""
     posture = []
-    for finger, X_OF in zip(scene.fingers, reference.start, strict=True):
+    for finger, X_OF, d in zip(scene.fingers, reference.start, depth, strict=True):
         q = finger.q_home
         if X_OF is not None:
             X = X_OF.copy()
-            X[:3, 3] *= 1.0 - START_DEPTH / np.linalg.norm(X[:3, 3])
+            X[:3, 3] *= 1.0 - d / np.linalg.norm(X[:3, 3])
             solved, _ = solve_ik(finger.chain, (X_WO @ X)[None], finger.q_home[None], iterations=60)
             q = solved[0]
         posture.append(q)
