@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import mink
 import mujoco
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
@@ -104,7 +105,7 @@ class Controller:
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
         self._adopted: frozenset[int] = frozenset()
         self._correction = np.zeros(6)
-        self._q_start = np.zeros((self._n, self._joints.shape[1]))
+        self._path: CubicSpline | None = None
         self._X_OF_start = np.eye(4)
         self._targets = np.tile(np.eye(4), (self._n, 1, 1))
 
@@ -177,7 +178,12 @@ class Controller:
             self._carried[i] = X_OW @ self._X_WF[i]
         self._adopted = frozenset(phase.holding)
         if phase.finger is not None:
-            self._q_start[phase.finger] = self._configuration.q[self._joints[phase.finger]]
+            self._path = None
+            if phase.postures is not None:
+                # The path was planned from where the finger should be; what it is off by fades along the way.
+                share = np.linspace(0.0, 1.0, len(phase.postures))
+                off = self._configuration.q[self._joints[phase.finger]] - phase.postures[0]
+                self._path = CubicSpline(share, phase.postures + (1.0 - share)[:, None] * off)
             self._X_OF_start = X_OW @ self._targets[phase.finger]
 
     # -- motion ----------------------------------------------------------------------------------------------------------
@@ -224,10 +230,8 @@ class Controller:
 
     def _aim_free(self, phase: Phase, t: float, X_WO: Array) -> Array:
         assert phase.finger is not None
-        if phase.posture is not None:
-            s = _smooth(t / phase.duration)
-            start = self._q_start[phase.finger]
-            return self._scene.fingers[phase.finger].pose_at(start + s * (phase.posture - start))
+        if self._path is not None:
+            return self._scene.fingers[phase.finger].pose_at(self._path(_smooth(t / phase.duration)))
         gap = phase.sample_gap(t, self._reference.timing.touch_speed)
         X_OF = (self._X_OF_start if phase.X_OF is None else phase.X_OF).copy()
         assert phase.normal_O is not None

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dexplan.planning.plan import Action, Placement, Plan
+from dexplan.planning.travel import build_travel, compute_hover, wrap_near
 from dexplan.scene.chain import solve_ik
 from dexplan.scene.description import FingerDescription
 from dexplan.spatial import Array, read_only, rotation_matrix
@@ -91,7 +92,7 @@ class Phase:
     """A stretch of the reference.
 
     ``holding`` (F,) says which fingers carry the object in the force QP, ``load_start`` and ``load_end`` (F,) how much of their
-    full load (0..1).  ``finger`` moves freely: from where it is to the ``posture`` (J,), or along its contact normal over the
+    full load (0..1).  ``finger`` moves freely: from where it is along the ``postures`` (K, J), or along its contact normal over the
     gap ``gap_start`` to ``gap_end`` [m] off ``X_OF`` (its landing pose in the object frame; None: wherever it is carried).
     """
 
@@ -104,7 +105,7 @@ class Phase:
     load_start: Array
     load_end: Array
     finger: int | None = None
-    posture: Array | None = None
+    postures: Array | None = None
     X_OF: Array | None = None
     normal_O: Array | None = None
     gap_start: float = 0.0
@@ -186,30 +187,26 @@ def _build_phases(
         return [phase(0, duration, object_path=path)]
     assert action.finger is not None
     finger = action.finger
+    who, X_WO = fingers[finger], action.X_WO_start
     if action.kind == "place":
         placement = action.contacts_end[finger]
         assert placement is not None
         both = (*held, finger)
-        hover = _hover_posture(fingers[finger], action.X_WO_start, placement, timing.hover)
+        hover = compute_hover(who, X_WO, placement.X_OF, placement.normal_O, placement.q, timing.hover)
         landing = {"finger": finger, "X_OF": placement.X_OF, "normal_O": placement.normal_O}
         return [
-            phase(0, timing.travel, finger=finger, posture=hover),
+            phase(0, timing.travel, finger=finger, postures=build_travel(who, who.q_home, hover, X_WO[:3, 3])),
             phase(1, timing.approach, **landing, gap_start=timing.hover, ends_on_touch=True),
             phase(2, timing.load, holding=tuple(sorted(both)), load_end=after),
         ]
     placement = before[finger]
     assert placement is not None
+    posture, _ = solve_ik(who.chain, (X_WO @ placement.X_OF)[None], placement.q[None], iterations=60)
+    posture = wrap_near(posture[0], placement.q)
+    lifted = compute_hover(who, X_WO, placement.X_OF, placement.normal_O, posture, timing.hover)
     two = {"finger": finger, "holding": tuple(k for k in held if k != finger), "load_start": after, "load_end": after}
     return [
         phase(0, timing.unload, load_end=after),
         phase(1, timing.retreat, **two, normal_O=placement.normal_O, gap_end=timing.hover),
-        phase(2, timing.travel, **two, posture=fingers[finger].q_home),
+        phase(2, timing.travel, **two, postures=build_travel(who, lifted, who.q_home, X_WO[:3, 3])),
     ]
-
-
-def _hover_posture(finger: FingerDescription, X_WO: Array, placement: Placement, gap: float) -> Array:
-    """Return the posture (J,) with the tip at its landing pose, ``gap`` [m] off the surface along the normal."""
-    X_OF = placement.X_OF.copy()
-    X_OF[:3, 3] += gap * placement.normal_O
-    q, _ = solve_ik(finger.chain, (X_WO @ X_OF)[None], placement.q[None])
-    return q[0]

@@ -1,10 +1,11 @@
-"""The record and the object's motion: is this the run it claims to be, and did the object go where it should?"""
+"""The record and the object's motion: is this the run it claims to be, did the object go where it should?"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dexplan.sim.checks_case import Case, CheckResult, fail, find_runs, judge, judge_count, judge_worst
@@ -23,7 +24,9 @@ def check_replay_matches(case: Case) -> CheckResult:
 
 
 def check_trace_consistent(case: Case) -> CheckResult:
-    """The recorded times, velocities and contacts are the replayed ones; vectors are compared in the object frame."""
+    """The recorded times, velocities and contacts are the replayed ones; vectors are compared in the object
+    frame.
+    """
     name, limit, replay = "trace_consistent", case.limit("trace_consistent"), case.replay
     F = case.finger_count
     shapes: dict[str, tuple[int, ...]] = {
@@ -38,7 +41,7 @@ def check_trace_consistent(case: Case) -> CheckResult:
     bad = [key for key, column in columns.items() if column is None]
     if bad:
         return fail(name, "count", f"recorded columns of a wrong shape: {', '.join(bad)}", limit)
-    wrong: dict[str, Array] = {}
+    wrong: dict[str, NDArray[Any]] = {}
     for key, column in columns.items():
         assert column is not None
         if key == "time":
@@ -49,7 +52,9 @@ def check_trace_consistent(case: Case) -> CheckResult:
             wrong[key] = np.any(column.astype(bool) != replay.contact_active, axis=1)
         elif key == "contact_point_O":
             miss = np.linalg.norm(np.nan_to_num(column - replay.contact_point_O, nan=0.0), axis=-1) * MM
-            differs = (miss > case.limit("trace_point_tolerance_mm")) | _is_missing(column, replay.contact_point_O)
+            differs = (miss > case.limit("trace_point_tolerance_mm")) | _is_missing(
+                column, replay.contact_point_O
+            )
             wrong[key] = differs.any(axis=1)
         elif key == "contact_force":
             mine = _as_object_force(replay.contact_rotation_O, replay.contact_force)
@@ -64,7 +69,9 @@ def check_trace_consistent(case: Case) -> CheckResult:
 
 
 def check_phases_in_order(case: Case) -> CheckResult:
-    """The claimed actions and phases exist, never go back, leave none out, begin with the first and end with the last."""
+    """The claimed actions and phases exist, never go back, leave none out, begin with the first and end with
+    the last.
+    """
     name, limit = "phases_in_order", case.limit("phases_in_order")
     claimed = case.claimed_phase
     if len(claimed) == 0:
@@ -118,13 +125,17 @@ def check_not_dropped(case: Case) -> CheckResult:
 def check_position_error_max(case: Case) -> CheckResult:
     """Distance of the object's centre from its reference, whole run."""
     miss = np.linalg.norm(case.replay.object_pose[:, :3] - case.reference[:, :3], axis=1) * MM
-    return judge_worst("position_error_max", miss, case.replay.time, case.limit("position_error_max_mm"), "mm")
+    return judge_worst(
+        "position_error_max", miss, case.replay.time, case.limit("position_error_max_mm"), "mm"
+    )
 
 
 def check_rotation_error_max(case: Case) -> CheckResult:
     """Angle between the object and its reference, whole run."""
     miss = np.degrees(_angle_between(case.replay.object_pose, case.reference))
-    return judge_worst("rotation_error_max", miss, case.replay.time, case.limit("rotation_error_max_deg"), "deg")
+    return judge_worst(
+        "rotation_error_max", miss, case.replay.time, case.limit("rotation_error_max_deg"), "deg"
+    )
 
 
 def check_position_error_final(case: Case) -> CheckResult:
@@ -156,7 +167,9 @@ def check_turned_angle(case: Case) -> CheckResult:
 
 
 def check_contact_error_final(case: Case) -> CheckResult:
-    """Final contacts against the goal's, as angles seen from the object's centre; who should be off must be off."""
+    """Final contacts against the goal's, as angles seen from the object's centre; who should be off must be
+    off.
+    """
     name, limit = "contact_error_final", case.limit("contact_error_final_deg")
     goal = case.problem["goal"]["contacts_deg"]
     if not case.sample_count or len(goal) != case.finger_count:
@@ -177,7 +190,7 @@ def check_contact_error_final(case: Case) -> CheckResult:
 
 
 def compute_goal_pose(case: Case) -> Array:
-    """Return the goal (7,) that the problem asks for, from the model's home pose; the plan is not consulted."""
+    """Return the goal (7,) that the problem asks for, from the model's home pose; the plan has no say."""
     goal, home = case.problem["goal"], case.replay.world.home_pose
     attitude = _rotations(home[None])[0]
     if goal.get("rotation"):
@@ -185,20 +198,26 @@ def compute_goal_pose(case: Case) -> Array:
         turn = np.radians(float(goal["rotation"]["angle_deg"]))
         attitude = Rotation.from_rotvec(turn * axis / np.linalg.norm(axis)) * attitude
     elif goal.get("orientation_wxyz"):
-        attitude = Rotation.from_quat(np.asarray(goal["orientation_wxyz"], dtype=np.float64), scalar_first=True)
+        attitude = Rotation.from_quat(
+            np.asarray(goal["orientation_wxyz"], dtype=np.float64), scalar_first=True
+        )
     position = home[:3] + np.asarray(goal.get("translation_m", (0.0, 0.0, 0.0)), dtype=np.float64)
     return np.concatenate([position, attitude.as_quat(scalar_first=True)])
 
 
 def compute_twist(turns: Rotation, axis: Any) -> Array:
-    """Return the unwrapped angle (T,) [rad] of each rotation about the world ``axis``, the first within half a turn."""
+    """Return the unwrapped angle (T,) [rad] of each rotation about the world ``axis``, the first within half
+    a turn.
+    """
     axis = np.asarray(axis, dtype=np.float64)
     quat = turns.as_quat(scalar_first=True)
     return np.unwrap(2 * np.arctan2(quat[:, 1:] @ (axis / np.linalg.norm(axis)), quat[:, 0]))
 
 
 def _reference_misses(case: Case) -> tuple[Array, Array]:
-    """Return (N, 2) distances [m] and angles [rad] of the reference from the plan's poses, and their times (N,) [s]."""
+    """Return (N, 2) distances [m] and angles [rad] of the reference from the plan's poses, and their times
+    (N,) [s].
+    """
     reference, times = case.reference, case.replay.time
     if not case.sample_count or not _is_finite(reference):
         return np.full((min(case.sample_count, 1), 2), np.nan), times[:1]
@@ -258,14 +277,18 @@ def _angle_of(a: Array, b: Array) -> float:
 
 
 def _as_direction(contact: Any) -> Array:
-    """Return the direction (3,) of a contact of a problem: [azimuth, elevation] in degrees or {"point_m": [...]}."""
+    """Return the direction (3,) of a contact of a problem: [azimuth, elevation] in degrees or {"point_m":
+    [...]}.
+    """
     if isinstance(contact, dict):
         return np.asarray(contact["point_m"], dtype=np.float64)
     return direction_from_angles(contact[0], contact[1])
 
 
 def _as_object_force(rotation_O: Array | None, force: Array) -> Array:
-    """Return (T, F, 4): the force in the object frame and the torque about the normal; as it is without a frame."""
+    """Return (T, F, 4): the force in the object frame and the torque about the normal; as it is without a
+    frame.
+    """
     if rotation_O is None:
         return force
     turned = np.einsum("tfij,tfj->tfi", rotation_O, force[..., :3])

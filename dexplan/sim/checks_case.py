@@ -1,7 +1,8 @@
 """What every check is given and what it gives back, and the few masks over samples that several checks share.
 
-A check is a pure function of a :class:`Case`: problem and plan as data, recorded columns, replay and limits.  It names its
-limit; the number comes from the problem.  What cannot be measured fails: NaN and empty measurements are never a pass.
+A check is a pure function of a :class:`Case`: problem and plan as data, recorded columns, replay and limits.
+It names its limit; the number comes from the problem.  What cannot be measured fails: NaN and empty
+measurements are never a pass.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ from dexplan.spatial import Array
 
 Status = Literal["pass", "fail", "not_applicable"]
 UNKNOWN, MUST_NOT, MAY, MUST = -1, 0, 1, 2
-"""What the plan asks of one finger at one sample; unknown where the claimed action or phase does not exist."""
+"""What the plan asks of one finger at one sample; unknown where the claimed action or phase does not exist.
+"""
 _TOUCH = {"must_not": MUST_NOT, "may": MAY, "must": MUST}
 
 
 @dataclass(frozen=True)
 class CheckResult:
-    """One physical claim, measured: ``value`` and ``limit`` in ``unit``, the worst moment [s], and what else to know."""
+    """One physical claim, measured: ``value`` and ``limit`` in ``unit``, the worst moment [s], and what else
+    to know.
+    """
 
     name: str
     status: Status
@@ -38,7 +42,9 @@ class CheckResult:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What is judged: ``columns`` are the record's, ``replay`` what the validator's own stepping gave (T samples)."""
+    """What is judged: ``columns`` are the record's, ``replay`` what the validator's own stepping gave (T
+    samples).
+    """
 
     problem: Mapping[str, Any]
     plan: Mapping[str, Any]
@@ -113,7 +119,9 @@ class Case:
 
     @cached_property
     def quiet(self) -> Flags:
-        """Samples (T,) farther than ``quiet_distance_s`` from every planned or actual contact change of any finger."""
+        """Samples (T,) farther than ``quiet_distance_s`` from every planned or actual contact change of any
+        finger.
+        """
         changes = np.zeros(self.sample_count, dtype=bool)
         for states in (self.required, self.replay.contact_active):
             changes[1:] |= np.any(states[1:] != states[:-1], axis=1)
@@ -128,13 +136,17 @@ class Case:
 
     @cached_property
     def utilisation(self) -> Array:
-        """Measured friction utilisation (T, F): sqrt(f_t^2/mu^2 + tau^2/mu_t^2)/f_n with the problem's friction, else NaN."""
+        """Measured friction utilisation (T, F): sqrt(f_t^2/mu^2 + tau^2/mu_t^2)/f_n with the problem's
+        friction, else NaN.
+        """
         friction = self.problem["friction"]
         return compute_utilisation(self.replay.contact_force, friction["sliding"], friction["torsional_m"])
 
 
 def compute_utilisation(force: Array, sliding: float, torsional: float) -> Array:
-    """Return sqrt(f_t^2/mu^2 + tau^2/mu_t^2)/f_n of forces (..., 4); 0 without any force, infinite without a normal one."""
+    """Return sqrt(f_t^2/mu^2 + tau^2/mu_t^2)/f_n of forces (..., 4); 0 without any force, infinite without a
+    normal one.
+    """
     load = np.sqrt((force[..., 0] ** 2 + force[..., 1] ** 2) / sliding**2 + force[..., 3] ** 2 / torsional**2)
     normal = force[..., 2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -157,9 +169,18 @@ def find_runs(mask: Flags) -> list[tuple[int, int]]:
 
 
 def judge(
-    name: str, value: float, limit: float, unit: str, time: float | None = None, note: str = "", *, at_least: bool = False
+    name: str,
+    value: float,
+    limit: float,
+    unit: str,
+    time: float | None = None,
+    note: str = "",
+    *,
+    at_least: bool = False,
 ) -> CheckResult:
-    """Return pass where ``value`` is at most (``at_least``: at least) ``limit``; a value that is not finite fails."""
+    """Return pass where ``value`` is at most (``at_least``: at least) ``limit``; a value that is not finite
+    fails.
+    """
     if not np.isfinite(value):
         return fail(name, unit, note or f"the value is {value}", limit, time)
     is_good = value >= limit if at_least else value <= limit
@@ -191,11 +212,15 @@ def judge_worst(
         said.append("a value is not a number")
     if labels and values.ndim == 2:
         said.append(labels[int(index[1])])
-    return judge(name, float(values[index]), limit, unit, float(times[index[0]]), "; ".join(said), at_least=at_least)
+    return judge(
+        name, float(values[index]), limit, unit, float(times[index[0]]), "; ".join(said), at_least=at_least
+    )
 
 
 def judge_all(name: str, parts: list[CheckResult]) -> CheckResult:
-    """Return one result for several: a failed part before a passed one, then the one that uses most of its limit."""
+    """Return one result for several: a failed part before a passed one, then the one that uses most of its
+    limit.
+    """
 
     def rank(part: CheckResult) -> tuple[bool, float]:
         value = np.inf if part.value is None else part.value
@@ -220,7 +245,9 @@ def judge_count(
     return judge(name, float(wrong.sum()), limit, "count", moment, "; ".join(said))
 
 
-def fail(name: str, unit: str, note: str, limit: float | None = None, time: float | None = None) -> CheckResult:
+def fail(
+    name: str, unit: str, note: str, limit: float | None = None, time: float | None = None
+) -> CheckResult:
     """Return a failure without a value; the note says why there is none."""
     moment = None if time is None or not np.isfinite(time) else float(time)
     return CheckResult(name, "fail", None, limit, unit, moment, note)

@@ -1,7 +1,8 @@
-"""The validator's own statics of a grasp: is it force closed, and how hard does it lean on friction to carry a load?
+"""The validator's own statics of a grasp: is it force closed, and how hard does it lean on friction to carry
+a load?
 
-Contacts are points p (K, 3) and outward normals n (K, 3) in the object frame; the soft-finger cone of one contact, in its own
-frame with z into the object, is f_z >= sqrt((f_x^2 + f_y^2)/mu^2 + tau^2/mu_t^2).
+Contacts are points p (K, 3) and outward normals n (K, 3) in the object frame; the soft-finger cone of one
+contact, in its own frame with z into the object, is f_z >= sqrt((f_x^2 + f_y^2)/mu^2 + tau^2/mu_t^2).
 """
 
 from __future__ import annotations
@@ -20,10 +21,12 @@ _PRECISION = 1e-3
 
 
 def compute_closure_slack(points: Array, normals: Array, sliding: float, torsional: float) -> float:
-    """Return the angle [rad] by which the friction angle atan(mu) exceeds the smallest one that closes the grasp.
+    """Return the angle [rad] by which the friction angle atan(mu) exceeds the smallest one that closes the
+    grasp.
 
-    Negative where the grasp is not force closed.  Two soft fingers: exactly atan(mu) minus the larger angle between the chord
-    and an inward normal.  More fingers: by bisection over the friction angle with the linear program of force closure.
+    Negative where the grasp is not force closed.  Two soft fingers: exactly atan(mu) minus the larger angle
+    between the chord and an inward normal.  More fingers: by bisection over the friction angle with the
+    linear program of force closure.
     """
     inward = -normals / np.linalg.norm(normals, axis=1, keepdims=True)
     believed = float(np.arctan(sliding))
@@ -45,8 +48,8 @@ def compute_closure_slack(points: Array, normals: Array, sliding: float, torsion
 def is_force_closed(points: Array, normals: Array, sliding: float, torsional: float) -> bool:
     """Return whether positive combinations of the inscribed cones' edges give every wrench.
 
-    The edges' wrenches W (6, N) do so iff they span all six dimensions and some strictly positive x has W x = 0; the program
-    finds the x of sum 1 whose smallest entry is largest.
+    The edges' wrenches W (6, N) do so iff they span all six dimensions and some strictly positive x has W x =
+    0; the program finds the x of sum 1 whose smallest entry is largest.
     """
     frames = [_contact_map(p, n) for p, n in zip(points, normals, strict=True)]
     turn = np.linspace(0, 2 * np.pi, _EDGES, endpoint=False)
@@ -64,7 +67,12 @@ def is_force_closed(points: Array, normals: Array, sliding: float, torsional: fl
     equal[:6, :count], equal[6, :count] = wrenches, 1.0
     above = np.concatenate([-np.eye(count), np.ones((count, 1))], axis=1)
     answer = linprog(
-        cost, A_ub=above, b_ub=np.zeros(count), A_eq=equal, b_eq=[0.0] * 6 + [1.0], bounds=[(0, None)] * (count + 1)
+        cost,
+        A_ub=above,
+        b_ub=np.zeros(count),
+        A_eq=equal,
+        b_eq=[0.0] * 6 + [1.0],
+        bounds=[(0, None)] * (count + 1),
     )
     return bool(answer.status == 0 and answer.x[-1] > 1e-9)
 
@@ -72,11 +80,12 @@ def is_force_closed(points: Array, normals: Array, sliding: float, torsional: fl
 def compute_load_margin(
     points: Array, normals: Array, load: Array, sliding: float, torsional: float, squeeze: float
 ) -> float:
-    """Return 1 - u, u the smallest friction utilisation that balances the force ``load`` (3,) [N] on the object's centre.
+    """Return 1 - u, u the smallest friction utilisation that balances the force ``load`` (3,) [N] on the
+    object's centre.
 
-    Normal forces lie between 0 and ``squeeze`` [N].  Found by bisection over u; each linear program bounds the round cones
-    from outside and is cut where its answer leaves them, so the result is exact to 0.001.  Never below -3; where the contacts
-    cannot balance the load at any friction, -3.
+    Normal forces lie between 0 and ``squeeze`` [N].  Found by bisection over u; each linear program bounds
+    the round cones from outside and is cut where its answer leaves them, so the result is exact to 0.001.
+    Never below -3; where the contacts cannot balance the load at any friction, -3.
     """
     count = len(points)
     scale = np.array([sliding, sliding, 1.0, torsional])
@@ -91,7 +100,9 @@ def compute_load_margin(
     for k in range(count):
         cuts += [(k, np.array([np.cos(a), np.sin(a), 0.0])) for a in turn]
         cuts += [(k, np.array([0.0, 0.0, s])) for s in (1.0, -1.0)]
-    bounds = [b for _ in range(count) for b in ((None, None), (None, None), (0.0, squeeze), (None, None))] + [(None, None)]
+    bounds = [b for _ in range(count) for b in ((None, None), (None, None), (0.0, squeeze), (None, None))] + [
+        (None, None)
+    ]
     cost = np.zeros(4 * count + 1)
     cost[-1] = 1.0
     lower, upper = 0.0, 4.0
@@ -121,7 +132,9 @@ def compute_load_margin(
 
 
 def _contact_map(point: Array, normal: Array) -> Array:
-    """Return (6, 4): wrench about the object's centre of a contact's (f_x, f_y, f_z, tau_z), z into the object."""
+    """Return (6, 4): wrench about the object's centre of a contact's (f_x, f_y, f_z, tau_z), z into the
+    object.
+    """
     z = -normal / np.linalg.norm(normal)
     x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.linalg.norm(x)

@@ -1,4 +1,4 @@
-"""Who touches, where, and whether it rolls: contact schedule, order, clearance, rolling, slip, creep, depth."""
+"""Who touches, where, and whether it rolls: schedule, order, clearance, rolling, slip, creep, depth."""
 
 from __future__ import annotations
 
@@ -27,10 +27,12 @@ MM, UM = 1e3, 1e6
 
 
 def check_contact_schedule(case: Case) -> CheckResult:
-    """Who must touch touches, who must not does not, and touching or letting go takes no longer than the window."""
+    """Who must touch touches, who must not does not, and touching or letting go takes no longer than the
+    window.
+    """
     active, required = case.replay.contact_active, case.required
     wrong = ((required == MUST) & ~active) | ((required == MUST_NOT) & active) | (required == UNKNOWN)
-    reach = int(round(case.limit("contact_window_s") / case.sample_time))
+    reach = round(case.limit("contact_window_s") / case.sample_time)
     for k in range(case.finger_count):
         # Phases that follow each other with "may" are one window: one change, however the plan cuts it.
         for start, stop in find_runs(required[:, k] == MAY):
@@ -45,7 +47,12 @@ def check_contact_schedule(case: Case) -> CheckResult:
                 wrong[start + touching[0] : max(stop - reach, start), k] = True
     note = f"quiet {100 * case.quiet.mean():.1f} % of the time" if case.sample_count else ""
     return judge_count(
-        "contact_schedule", wrong, case.replay.time, case.limit("contact_schedule"), note, case.replay.world.fingers
+        "contact_schedule",
+        wrong,
+        case.replay.time,
+        case.limit("contact_schedule"),
+        note,
+        case.replay.world.fingers,
     )
 
 
@@ -73,7 +80,9 @@ def check_unexpected_contacts(case: Case) -> CheckResult:
     moment = None if first is None else float(case.replay.time[first])
     if not case.sample_count:
         return fail("unexpected_contacts", "count", "there are no samples")
-    return judge("unexpected_contacts", sum(met.values()), case.limit("unexpected_contacts"), "count", moment, note)
+    return judge(
+        "unexpected_contacts", sum(met.values()), case.limit("unexpected_contacts"), "count", moment, note
+    )
 
 
 def check_object_support_other(case: Case) -> CheckResult:
@@ -90,13 +99,13 @@ def check_object_support_other(case: Case) -> CheckResult:
 
 
 def check_free_finger_clearance(case: Case) -> CheckResult:
-    """A finger that must not touch stays clear; beside a touch window the object, and only it, may be nearer."""
+    """A finger that must not touch stays clear; beside a touch window only the object may be nearer."""
     name, limit, replay = "free_finger_clearance_min", case.limit("free_finger_clearance_min_mm"), case.replay
     samples = replay.clearance_samples
     if len(samples) == 0:
         return fail(name, "mm", "there are no samples", limit)
     free = (case.required == MUST_NOT)[samples]
-    near = widen(case.required == MAY, int(round(case.limit("clearance_grace_s") / case.sample_time)))[samples]
+    near = widen(case.required == MAY, round(case.limit("clearance_grace_s") / case.sample_time))[samples]
     distance = np.where(free[..., None], replay.clearance, replay.clearance_horizon)
     to_object = OBSTACLE_KINDS.index("object")
     distance[..., to_object] = np.where(near, replay.clearance_horizon, distance[..., to_object])
@@ -109,9 +118,10 @@ def check_free_finger_clearance(case: Case) -> CheckResult:
 def check_rolling_error_max(case: Case) -> CheckResult:
     """Contacts on object and tip against pure rolling, for spheres of radii R and r.
 
-    With the outward normal n_O at the contact and the tip's rotation relative to the object, w, rolling without sliding gives
-    dn_O/dt = r/(R + r) w x n_O on the object and, with the direction m_F = -n seen from the tip, dm_F/dt = -R/(R + r) w x m_F.
-    Both are integrated over each contact from its first sample and compared with the direction between the two centres.
+    With the outward normal n_O at the contact and the tip's rotation relative to the object, w, rolling
+    without sliding gives dn_O/dt = r/(R + r) w x n_O on the object and, with the direction m_F = -n seen from
+    the tip, dm_F/dt = -R/(R + r) w x m_F. Both are integrated over each contact from its first sample and
+    compared with the direction between the two centres.
     """
     name, limit, replay = "rolling_error_max", case.limit("rolling_error_max_deg"), case.replay
     R, r = replay.world.object_radius, replay.world.tip_radius
@@ -132,7 +142,10 @@ def check_rolling_error_max(case: Case) -> CheckResult:
         share = r[k] / (R + r[k])
         for start, stop in find_runs(replay.contact_active[:, k]):
             measured = True
-            for kind, steps, seen, rate in (("object", step_O, n_O, share), ("tip", step_F, m_F, share - 1.0)):
+            for kind, steps, seen, rate in (
+                ("object", step_O, n_O, share),
+                ("tip", step_F, m_F, share - 1.0),
+            ):
                 rolled = _roll(seen[start], rate * steps[start : stop - 1])
                 error = np.degrees(_angles(rolled, seen[start:stop]))
                 if error.max() > worst:
@@ -148,19 +161,26 @@ def check_coulomb_slip_max(case: Case) -> CheckResult:
     name, limit, replay = "coulomb_slip_max", case.limit("coulomb_slip_max_mm"), case.replay
     sliding = replay.contact_active & (case.utilisation >= case.limit("coulomb_utilisation"))
     speed = np.linalg.norm(replay.contact_slip_velocity[..., :2], axis=-1)
-    if np.isnan(speed[replay.contact_active]).any() or np.isnan(case.utilisation[replay.contact_active]).any():
+    if (
+        np.isnan(speed[replay.contact_active]).any()
+        or np.isnan(case.utilisation[replay.contact_active]).any()
+    ):
         return fail(name, "mm", "a slip velocity or a force is not a number", limit)
     if not replay.contact_active.any():
         return fail(name, "mm", "no finger ever touches", limit)
     path = np.where(sliding, np.nan_to_num(speed), 0.0) * case.sample_time * MM
-    reach = int(round(case.limit("contact_window_s") / case.sample_time))
+    reach = round(case.limit("contact_window_s") / case.sample_time)
     worst, moment = np.zeros(case.finger_count), 0.0
     for k in range(case.finger_count):
         # Bounces of one touch belong to one episode: gaps shorter than a window do not end it.
         for start, stop in find_runs(_close_gaps(replay.contact_active[:, k], reach)):
             slid = float(path[start:stop, k].sum())
             if slid > worst[k]:
-                moment = float(replay.time[start + int(path[start:stop, k].argmax())]) if slid > worst.max() else moment
+                moment = (
+                    float(replay.time[start + int(path[start:stop, k].argmax())])
+                    if slid > worst.max()
+                    else moment
+                )
                 worst[k] = slid
     note = ", ".join(f"{name} {slid:.3f}" for name, slid in zip(replay.world.fingers, worst, strict=True))
     return judge(name, float(worst.max()), limit, "mm", moment, note)
@@ -174,10 +194,12 @@ def check_creep_rate_max(case: Case) -> CheckResult:
     name, replay = "creep_rate_max", case.replay
     is_portable = case.problem["control"]["physics_profile"] == "portable"
     factor = case.limit("creep_portable_factor") if is_portable else 1.0
-    window = max(1, int(round(case.limit("creep_window_s") / case.sample_time)))
+    window = max(1, round(case.limit("creep_window_s") / case.sample_time))
     moves = np.zeros(case.sample_count, dtype=bool)
     moves[1:] = np.any(case.reference[1:] != case.reference[:-1], axis=1)
-    velocity = np.einsum("tfij,tfj->tfi", replay.contact_rotation_O[..., :2], replay.contact_slip_velocity[..., :2])
+    velocity = np.einsum(
+        "tfij,tfj->tfi", replay.contact_rotation_O[..., :2], replay.contact_slip_velocity[..., :2]
+    )
     rows: dict[bool, list[tuple[float, float]]] = {False: [], True: []}
     for k in range(case.finger_count):
         for start, stop in find_runs(case.settled[:, k]):
@@ -217,7 +239,9 @@ def check_tip_contact_angle_max(case: Case) -> CheckResult:
 
 
 def _roll(direction: Array, steps: Array) -> Array:
-    """Return the directions (N + 1, 3) that ``direction`` (3,) takes under the successive rotation vectors (N, 3)."""
+    """Return the directions (N + 1, 3) that ``direction`` (3,) takes under the successive rotation vectors
+    (N, 3).
+    """
     out = np.empty((len(steps) + 1, 3))
     out[0] = direction
     matrices = Rotation.from_rotvec(steps).as_matrix() if len(steps) else np.zeros((0, 3, 3))

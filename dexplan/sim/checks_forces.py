@@ -1,4 +1,6 @@
-"""What the fingers and servos carry: friction, predicted forces, torque, joint room, and the grasps that were planned."""
+"""What the fingers and servos carry: friction, predicted forces, torque, joint room, and the grasps that were
+planned.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,16 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexplan.sim.checks_case import Case, CheckResult, compute_utilisation, fail, judge, judge_all, judge_count, judge_worst
+from dexplan.sim.checks_case import (
+    Case,
+    CheckResult,
+    compute_utilisation,
+    fail,
+    judge,
+    judge_all,
+    judge_count,
+    judge_worst,
+)
 from dexplan.sim.checks_closure import compute_closure_slack, compute_load_margin
 from dexplan.spatial import GRAVITY, Array
 
@@ -25,7 +36,9 @@ def check_friction_utilisation_max(case: Case) -> CheckResult:
 
 
 def check_force_prediction_error(case: Case) -> CheckResult:
-    """Measured against planned normal forces at quiet samples: median and 95th percentile of the relative difference."""
+    """Measured against planned normal forces at quiet samples: median and 95th percentile of the relative
+    difference.
+    """
     name, limit = "force_prediction_error", case.limit("force_prediction_p95_pct")
     planned = case.column("contact_force_reference", (case.finger_count, 4))
     if planned is None:
@@ -64,7 +77,11 @@ def check_force_qp_feasible(case: Case) -> CheckResult:
 
 def check_force_cone_margin_min(case: Case) -> CheckResult:
     """Planned forces inside the exact believed cone, torsion included: 1 - utilisation, smallest."""
-    name, limit, friction = "force_cone_margin_min", case.limit("force_cone_margin_min"), case.problem["friction"]
+    name, limit, friction = (
+        "force_cone_margin_min",
+        case.limit("force_cone_margin_min"),
+        case.problem["friction"],
+    )
     planned = case.column("contact_force_reference", (case.finger_count, 4))
     if planned is None:
         return fail(name, "–", "the record has no planned forces", limit)
@@ -84,7 +101,9 @@ def check_torque_utilisation_max(case: Case) -> CheckResult:
     world = case.replay.world
     used = np.abs(case.replay.actuator_force) / world.torque_limit
     limit = case.limit("torque_utilisation_max")
-    return judge_worst("torque_utilisation_max", used, case.replay.time, limit, "–", labels=world.actuator_names)
+    return judge_worst(
+        "torque_utilisation_max", used, case.replay.time, limit, "–", labels=world.actuator_names
+    )
 
 
 def check_joint_limit_margin_min(case: Case) -> CheckResult:
@@ -94,7 +113,13 @@ def check_joint_limit_margin_min(case: Case) -> CheckResult:
     margin = np.degrees(np.minimum(q - world.joint_range[:, 0], world.joint_range[:, 1] - q))
     limit = case.limit("joint_limit_margin_min_deg")
     return judge_worst(
-        "joint_limit_margin_min", margin, case.replay.time, limit, "deg", at_least=True, labels=world.joint_names
+        "joint_limit_margin_min",
+        margin,
+        case.replay.time,
+        limit,
+        "deg",
+        at_least=True,
+        labels=world.joint_names,
     )
 
 
@@ -121,7 +146,9 @@ def check_ik_at_limit(case: Case) -> CheckResult:
 
 
 def check_plan_force_closure(case: Case) -> CheckResult:
-    """Friction angle to spare before a planned grasp would no longer be force closed, worst grasp of the plan."""
+    """Friction angle to spare before a planned grasp would no longer be force closed, worst grasp of the
+    plan.
+    """
     friction = case.problem["friction"]
     believed = friction["sliding"] / friction["safety"], friction["torsional_m"] / friction["safety"]
     limit = case.limit("plan_force_closure_min_deg")
@@ -133,7 +160,9 @@ def check_plan_force_closure(case: Case) -> CheckResult:
 
 
 def check_plan_load_margin(case: Case) -> CheckResult:
-    """Part of the believed cones left over when a planned grasp carries the weight, worst grasp and pose of the plan."""
+    """Part of the believed cones left over when a planned grasp carries the weight, worst grasp and pose of
+    the plan.
+    """
     friction = case.problem["friction"]
     believed = friction["sliding"] / friction["safety"], friction["torsional_m"] / friction["safety"]
     squeeze, limit = case.limit("plan_normal_force_max_N"), case.limit("plan_load_margin_min")
@@ -157,7 +186,9 @@ def check_plan_load_margin(case: Case) -> CheckResult:
 def _judge_grasps(
     case: Case, name: str, measure: Callable[[Array, Array, Array], float], limit: float, unit: str
 ) -> CheckResult:
-    """Judge the smallest ``measure`` over the grasps of all actions; a touch to come is not counted on, a lift is gone."""
+    """Judge the smallest ``measure`` over the grasps of all actions; a touch to come is not counted on, a
+    lift is gone.
+    """
     values, notes = [], []
     done: dict[bytes, float] = {}
     before: dict[str, Any] = case.plan["start"]["contacts"]

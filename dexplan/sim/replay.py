@@ -1,9 +1,10 @@
 """Step a recorded world again and read off what happened, knowing nothing of planner or controller.
 
-Together with the rollout this is the only place that steps MuJoCo.  Stepping is the recipe of the record and nothing else:
-``mj_setState(initial_state)``, then per sample ``ctrl`` and ``mj_step(nstep)``.  Everything is read from a second MjData that
-receives a copy of the state (warm start included) and a ``mj_forward``: that is exactly the first half of the step that
-follows, so contacts belong to the sample's own state and control, and no reading can disturb the stepping.
+Together with the rollout this is the only place that steps MuJoCo.  Stepping is the recipe of the record and
+nothing else: ``mj_setState(initial_state)``, then per sample ``ctrl`` and ``mj_step(nstep)``.  Everything is
+read from a second MjData that receives a copy of the state (warm start included) and a ``mj_forward``: that
+is exactly the first half of the step that follows, so contacts belong to the sample's own state and control,
+and no reading can disturb the stepping.
 """
 
 from __future__ import annotations
@@ -31,10 +32,11 @@ OBSTACLE_KINDS = ("object", "fingers", "obstacles", "floor")
 class World:
     """Names, ids and sizes of a model in dexplan's naming: fingers ``<name>/tip``, object ``object/surface``.
 
-    Per finger (F,): ``tip_geoms``, ``tip_sites``, ``tip_radius`` [m], ``base_position`` (F, 3) [m, W].  ``geom_finger`` (ngeom,)
-    is the finger a geom belongs to or -1.  Hinges (J,): ``joint_names``, ``joint_qpos``, ``joint_range`` (J, 2) [rad].
-    Servos (nu,): ``actuator_names``, ``torque_limit`` [N m].  ``object_radius`` [m] is NaN unless object and tips are spheres;
-    ``home_pose`` (7,) is the object's at qpos0; ``timestep`` [s].
+    Per finger (F,): ``tip_geoms``, ``tip_sites``, ``tip_radius`` [m], ``base_position`` (F, 3) [m, W].
+    ``geom_finger`` (ngeom,) is the finger a geom belongs to or -1.  Hinges (J,): ``joint_names``,
+    ``joint_qpos``, ``joint_range`` (J, 2) [rad]. Servos (nu,): ``actuator_names``, ``torque_limit`` [N m].
+    ``object_radius`` [m] is NaN unless object and tips are spheres; ``home_pose`` (7,) is the object's at
+    qpos0; ``timestep`` [s].
     """
 
     model: mujoco.MjModel
@@ -73,13 +75,14 @@ class OtherContact:
 class Replay:
     """What happened at T samples, F fingers.  Sample t is the state before the steps that ``ctrl[t]`` drives.
 
-    ``object_pose`` (T, 7) [m, wxyz, W]; ``tip_position`` (T, F, 3), ``tip_rotation`` (T, F, 3, 3) in W, z towards the tip's pole.
-    Contacts of tip on object, NaN where there is none: ``contact_active`` (T, F); ``contact_point_O`` (T, F, 3);
-    ``contact_rotation_O`` (T, F, 3, 3) with columns t1, t2, n, n into the object; ``contact_force`` (T, F, 4) = (f_t1, f_t2, f_n,
-    tau_n) on the object; ``contact_slip_velocity`` (T, F, 3) = two tangential [m/s] and spin [rad/s] of the tip against the
-    object; ``penetration`` (T, F) [m]; ``tip_contact_angle`` (T, F) [rad].  ``actuator_force`` (T, nu) [N m].
-    ``clearance`` (K, F, 4) [m] at ``clearance_samples`` (K,), per finger to :data:`OBSTACLE_KINDS`, at most
-    ``clearance_horizon``.  ``contact_settings`` are the distinct (friction, solref, solimp, condim) rows met on the object;
+    ``object_pose`` (T, 7) [m, wxyz, W]; ``tip_position`` (T, F, 3), ``tip_rotation`` (T, F, 3, 3) in W, z
+    towards the tip's pole. Contacts of tip on object, NaN where there is none: ``contact_active`` (T, F);
+    ``contact_point_O`` (T, F, 3); ``contact_rotation_O`` (T, F, 3, 3) with columns t1, t2, n, n into the
+    object; ``contact_force`` (T, F, 4) = (f_t1, f_t2, f_n, tau_n) on the object; ``contact_slip_velocity``
+    (T, F, 3) = two tangential [m/s] and spin [rad/s] of the tip against the object; ``penetration`` (T, F)
+    [m]; ``tip_contact_angle`` (T, F) [rad].  ``actuator_force`` (T, nu) [N m]. ``clearance`` (K, F, 4) [m] at
+    ``clearance_samples`` (K,), per finger to :data:`OBSTACLE_KINDS`, at most ``clearance_horizon``.
+    ``contact_settings`` are the distinct (friction, solref, solimp, condim) rows met on the object;
     ``warnings`` counts MuJoCo's own warnings by name.
     """
 
@@ -107,7 +110,7 @@ class Replay:
 
 
 def read_world(model_xml: str) -> World:
-    """Compile ``model_xml`` and find its fingers and object by name.  Raises RunFolderError where that fails."""
+    """Compile ``model_xml`` and find its fingers and object by name; RunFolderError where that fails."""
     accepted = "a model text as dexplan writes it is needed"
     try:
         model = mujoco.MjModel.from_xml_string(model_xml)
@@ -146,7 +149,9 @@ def read_world(model_xml: str) -> World:
         joint_qpos=model.jnt_qposadr[hinges].astype(np.intp),
         joint_range=np.where(limited[:, None], model.jnt_range[hinges], unlimited),
         actuator_names=tuple(model.actuator(a).name for a in range(model.nu)),
-        torque_limit=np.where(model.actuator_forcelimited, np.abs(model.actuator_forcerange).min(axis=1), np.inf),
+        torque_limit=np.where(
+            model.actuator_forcelimited, np.abs(model.actuator_forcerange).min(axis=1), np.inf
+        ),
         object_geom=ball,
         object_body=int(model.geom_bodyid[ball]),
         object_qpos=address,
@@ -167,10 +172,12 @@ def replay(
     clearance_stride: int = 5,
     clearance_horizon: float = 0.02,
 ) -> Replay:
-    """Step ``model_xml`` from ``initial_state`` (mjSTATE_INTEGRATION) under ``ctrl`` (T, nu) and read every sample.
+    """Step ``model_xml`` from ``initial_state`` (mjSTATE_INTEGRATION) under ``ctrl`` (T, nu) and read every
+    sample.
 
     ``xfrc_applied`` (T, nbody, 6) is a declared disturbance [N, N m, W].  Clearances are read at every
-    ``clearance_stride``-th sample, out to ``clearance_horizon`` [m].  Raises RunFolderError where shapes do not fit the model.
+    ``clearance_stride``-th sample, out to ``clearance_horizon`` [m].  Raises RunFolderError where shapes do
+    not fit the model.
     """
     world = read_world(model_xml)
     model = world.model
@@ -182,7 +189,9 @@ def replay(
     if xfrc_applied is not None:
         _require_shape("xfrc_applied", np.asarray(xfrc_applied), (len(ctrl), model.nbody, 6))
     if physics_steps_per_sample < 1:
-        raise RunFolderError("trace.npz", f"physics_steps_per_sample is {physics_steps_per_sample}", "1 or more is needed")
+        raise RunFolderError(
+            "trace.npz", f"physics_steps_per_sample is {physics_steps_per_sample}", "1 or more is needed"
+        )
     data, mirror = mujoco.MjData(model), mujoco.MjData(model)
     mujoco.mj_setState(model, data, state, INTEGRATION)
     reader = _Reader(world, len(ctrl), clearance_stride, clearance_horizon)
@@ -262,17 +271,23 @@ class _Reader:
             )
             self.settings.setdefault(row.tobytes(), tuple(float(x) for x in row))
 
-    def _read_touch(self, t: int, k: int, c: int, data: mujoco.MjData, distance: float, is_second: bool) -> None:
-        """Read contact ``c`` of finger ``k``; ``is_second``: the object is the geom MuJoCo's normal points to."""
+    def _read_touch(
+        self, t: int, k: int, c: int, data: mujoco.MjData, distance: float, is_second: bool
+    ) -> None:
+        """Read contact ``c`` of finger ``k``; ``is_second``: the object is the geom MuJoCo's normal points
+        to.
+        """
         world = self.world
-        # MuJoCo: rows normal, t1, t2; normal from first to second geom; the wrench is normal-first and acts on the second.
+        # MuJoCo: rows normal, t1, t2; normal from first to second geom; the wrench is normal-first and acts
+        # on the second.
         rows = data.contact.frame[c].reshape(3, 3)
         w = self._wrench
         if is_second:
             R_WC = np.stack([rows[1], rows[2], rows[0]], axis=1)
             force = (w[1], w[2], w[0], w[3])
         else:
-            # n and t2 flip, which keeps the frame right-handed; the force on the first geom is the opposite one.
+            # n and t2 flip, which keeps the frame right-handed; the force on the first geom is the opposite
+            # one.
             R_WC = np.stack([rows[1], -rows[2], -rows[0]], axis=1)
             force = (-w[1], w[2], w[0], w[3])
         p_W = data.contact.pos[c].copy()
@@ -296,7 +311,9 @@ class _Reader:
         self.angle[t, k] = np.arccos(np.clip(cosine, -1.0, 1.0))
 
     def _read_clearance(self, qpos: Array) -> Array:
-        """Return the smallest distances (F, 4) [m] of each finger's geoms to :data:`OBSTACLE_KINDS`, at most the horizon."""
+        """Return the smallest distances (F, 4) [m] of each finger's geoms to :data:`OBSTACLE_KINDS`, at most
+        the horizon.
+        """
         out = np.full((len(self.world.fingers), len(OBSTACLE_KINDS)), self.horizon)
         self.wide_data.qpos[:] = qpos
         mujoco.mj_kinematics(self.wide, self.wide_data)
@@ -349,7 +366,9 @@ class _Reader:
 
 
 def _name_kinds(world: World) -> Indices:
-    """Return for each geom its index in :data:`OBSTACLE_KINDS`; whatever is neither object, finger nor floor is an obstacle."""
+    """Return for each geom its index in :data:`OBSTACLE_KINDS`; whatever is neither object, finger nor floor
+    is an obstacle.
+    """
     kinds = np.full(len(world.geom_names), OBSTACLE_KINDS.index("obstacles"))
     kinds[world.geom_finger >= 0] = OBSTACLE_KINDS.index("fingers")
     kinds[world.object_geom] = OBSTACLE_KINDS.index("object")
@@ -369,7 +388,9 @@ def _base_position(data: mujoco.MjData, finger: str) -> Array:
     """Return where the finger's root body stands (3,) [m, W]."""
     index = mujoco.mj_name2id(data.model, mujoco.mjtObj.mjOBJ_BODY, f"{finger}/")
     if index < 0:
-        raise RunFolderError("model.xml", f"it lacks the body {finger}/", "each finger hangs from a body of its own name")
+        raise RunFolderError(
+            "model.xml", f"it lacks the body {finger}/", "each finger hangs from a body of its own name"
+        )
     return data.xpos[index].copy()
 
 

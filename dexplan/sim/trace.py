@@ -1,6 +1,7 @@
 """What happened: the recorded columns of one run, together with the text of the model they were recorded on.
 
-A trace is data, not a claim: everything that counts is computed again from ``model_xml``, ``initial_state`` and ``ctrl``.
+A trace is data, not a claim: everything that counts is computed again from ``model_xml``, ``initial_state``
+and ``ctrl``.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 class Trace:
     """A run of T samples at the control rate, of F fingers.
 
-    ``columns`` maps names to read-only arrays, T along the first axis except for ``initial_state`` (mjSTATE_INTEGRATION at
-    sample 0) and ``physics_steps_per_sample`` ().  Sample t is recorded before the steps that ``ctrl[t]`` drives.  Frames:
-    ``_O`` object, contact frames with columns t1, t2, n and n into the object, forces on the object; SI units; missing is NaN.
-    ``meta`` is JSON data.
+    ``columns`` maps names to read-only arrays, T along the first axis except for ``initial_state``
+    (mjSTATE_INTEGRATION at sample 0) and ``physics_steps_per_sample`` ().  Sample t is recorded before the
+    steps that ``ctrl[t]`` drives.  Frames: ``_O`` object, contact frames with columns t1, t2, n and n into
+    the object, forces on the object; SI units; missing is NaN. ``meta`` is JSON data.
     """
 
     model_xml: str
@@ -82,11 +83,17 @@ class Trace:
         return len(self.columns["time"]) if "time" in self.columns else 0
 
     def save(self, path: str | Path) -> Path:
-        """Write one .npz without pickles, whole or not at all; the same trace gives the same bytes.  Returns the path."""
+        """Write one .npz without pickles, whole or not at all; the same trace gives the same bytes.  Returns
+        the path.
+        """
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         meta = json.dumps({"format": FORMAT, "meta": dict(self.meta)}, sort_keys=True)
-        entries: dict[str, NDArray[Any]] = {_MODEL: _as_bytes(self.model_xml), _META: _as_bytes(meta), **self.columns}
+        entries: dict[str, NDArray[Any]] = {
+            _MODEL: _as_bytes(self.model_xml),
+            _META: _as_bytes(meta),
+            **self.columns,
+        }
         temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         try:
             with zipfile.ZipFile(temporary, "w") as archive:
@@ -103,7 +110,9 @@ class Trace:
 
     @classmethod
     def load(cls, path: str | Path) -> Trace:
-        """Read a trace that :meth:`save` wrote; equal to it.  Raises RunFolderError where the file is not one."""
+        """Read a trace that :meth:`save` wrote; equal to it.  Raises RunFolderError where the file is not
+        one.
+        """
         path = Path(path)
         accepted = "a trace.npz as `dexplan run` writes it is needed"
         if not path.is_file():
@@ -112,7 +121,8 @@ class Trace:
             with np.load(path, allow_pickle=False) as archive:
                 entries = {name: archive[name] for name in archive.files}
         except Exception as error:
-            # A damaged archive can raise anything from zipfile, zlib, numpy and struct; all of it means the same to a caller.
+            # A damaged archive can raise anything from zipfile, zlib, numpy and struct; all of it means the
+            # same to a caller.
             raise RunFolderError(str(path), f"it cannot be read as .npz ({error})", accepted) from error
         missing = [name for name in (_MODEL, _META) if name not in entries]
         if missing:
@@ -122,7 +132,9 @@ class Trace:
             header = json.loads(entries.pop(_META).tobytes().decode())
             version, meta = header["format"], header["meta"]
         except (UnicodeDecodeError, ValueError, KeyError, TypeError) as error:
-            raise RunFolderError(str(path), f"its model or meta text is damaged ({error})", accepted) from error
+            raise RunFolderError(
+                str(path), f"its model or meta text is damaged ({error})", accepted
+            ) from error
         if version != FORMAT:
             raise RunFolderError(str(path), f"it has trace format {version}", f"format {FORMAT} is read here")
         return cls(model_xml, entries, meta)

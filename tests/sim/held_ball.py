@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from typing import Any
 
@@ -12,9 +13,11 @@ from scipy.optimize import least_squares
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import SceneParameters
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import load_default_limits
 
-MODEL_XML = build_model_xml(SceneParameters())
+# The contract's profile "firm", whatever the scene's own is just now.
+MODEL_XML = re.sub(r' noslip_(iterations|tolerance)="[^"]*"', "", build_model_xml(SceneParameters())).replace(
+    "<option ", '<option noslip_iterations="3" ', 1
+)
 AZIMUTHS = (0.0, 120.0, 240.0)
 STEPS = 2
 HOME = [0.0, 0.0, 0.16, 1.0, 0.0, 0.0, 0.0]
@@ -53,7 +56,9 @@ def make_contacts(azimuths: dict[str, float]) -> dict[str, Any]:
 
 
 def make_plan(phases: list[dict[str, str]] | None = None) -> dict[str, Any]:
-    """Return the plan of one hold with the given touch tables, one per phase; all fingers must touch by default."""
+    """Return the plan of one hold with the given touch tables, one per phase; all fingers must touch by
+    default.
+    """
     everyone = {f"finger_{k}": "must" for k in (1, 2, 3)}
     contacts = make_contacts({f"finger_{k}": a for k, a in zip((1, 2, 3), AZIMUTHS, strict=True)})
     action = {
@@ -69,12 +74,21 @@ def make_plan(phases: list[dict[str, str]] | None = None) -> dict[str, Any]:
     }
     goal = {"kind": "object_manipulation", "object_pose": HOME, "axis_W": [0, 0, 1], "turned_angle_deg": 0.0}
     start = {"object_pose": HOME, "contacts": contacts}
-    return {"format": 1, "status": "solved", "fingers": list(everyone), "start": start, "goal": goal, "actions": [action]}
+    return {
+        "format": 1,
+        "status": "solved",
+        "fingers": list(everyone),
+        "start": start,
+        "goal": goal,
+        "actions": [action],
+    }
 
 
 @lru_cache
 def solve_posture(squeeze: float = 4.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return (qpos, ctrl): tips on the ball's equator, servos aimed so that each presses ``squeeze`` [N] and lifts a third."""
+    """Return (qpos, ctrl): tips on the ball's equator, servos aimed so that each presses ``squeeze`` [N] and
+    lifts a third.
+    """
     model = mujoco.MjModel.from_xml_string(MODEL_XML)
     data = mujoco.MjData(model)
     data.qpos[:] = model.qpos0
@@ -116,7 +130,9 @@ def record(
     qpos: np.ndarray | None = None,
     xfrc: np.ndarray | None = None,
 ) -> Trace:
-    """Simulate and return the trace; ``ctrl`` (samples, nu) defaults to holding still, after ``settle`` steps."""
+    """Simulate and return the trace; ``ctrl`` (samples, nu) defaults to holding still, after ``settle``
+    steps.
+    """
     start, hold = solve_posture()
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
@@ -151,6 +167,3 @@ def record(
     if xfrc is not None:
         columns["xfrc_applied"] = xfrc
     return Trace(xml, columns, {"seed": 0})
-
-
-LIMITS = load_default_limits

@@ -1,0 +1,62 @@
+"""How a free fingertip gets from one place to another: along an arc around the object, never across it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from dexplan.scene.chain import compute_tip_pose, solve_ik
+from dexplan.scene.description import FingerDescription
+from dexplan.spatial import Array
+
+SAMPLES = 17
+"""Postures along one path."""
+
+
+def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center: Array) -> Array:
+    """Return postures (K, J) from ``q_start`` to ``q_end`` (J,) [rad] whose tip swings around ``center`` (3,) [m].
+
+    The tip's direction from the centre turns along a great circle while its distance grows or shrinks evenly, so that a tip
+    that starts and ends clear of a round object stays clear of it.  The pole turns with it.  Where the last joint is the
+    tip's own roll it goes straight from one angle to the other: the shortest turn in space may lie beyond its limit.
+    """
+    share = np.linspace(0.0, 1.0, SAMPLES)
+    straight = q_start + share[:, None] * (q_end - q_start)
+    ends = compute_tip_pose(finger.chain, np.stack([q_start, q_end]))
+    arms = ends[:, :3, 3] - center
+    distances = np.linalg.norm(arms, axis=1)
+    directions = arms / distances[:, None]
+    X = np.zeros((SAMPLES, 4, 4))
+    X[:, :3, :3] = Slerp([0.0, 1.0], Rotation.from_matrix(ends[:, :3, :3]))(share).as_matrix()
+    turn = np.cross(directions[0], directions[1])
+    angle = np.arctan2(np.linalg.norm(turn), directions[0] @ directions[1])
+    if angle > 1e-9:
+        axis = turn / np.linalg.norm(turn)
+        swung = Rotation.from_rotvec(share[:, None] * angle * axis).apply(directions[0])
+    else:
+        swung = np.broadcast_to(directions[0], (SAMPLES, 3))
+    X[:, :3, 3] = center + (distances[0] + share[:, None] * (distances[1] - distances[0])) * swung
+    X[:, 3, 3] = 1.0
+    path, reached = solve_ik(finger.chain, X, straight)
+    path = straight + np.arctan2(np.sin(path - straight), np.cos(path - straight))
+    if finger.chain.has_tip_roll:
+        path[:, -1] = straight[:, -1]
+    # Where the arc leaves the workspace the straight line between postures has to do; clearance is checked on either.
+    path[~reached] = straight[~reached]
+    path[0], path[-1] = q_start, q_end
+    return path
+
+
+def compute_hover(finger: FingerDescription, X_WO: Array, X_OF: Array, normal_O: Array, q: Array, gap: float) -> Array:
+    """Return the posture (J,) near ``q`` with the tip at its contact pose ``X_OF``, lifted ``gap`` [m] along the normal."""
+    X = X_OF.copy()
+    X[:3, 3] += gap * normal_O
+    solved, _ = solve_ik(finger.chain, (X_WO @ X)[None], q[None])
+    return wrap_near(solved[0], q)
+
+
+def wrap_near(q: Array, q_near: Array) -> Array:
+    """Return ``q`` with whole turns added so that each angle is within half a turn of ``q_near``."""
+    return q - 2.0 * np.pi * np.round((q - q_near) / (2.0 * np.pi))
+
+
