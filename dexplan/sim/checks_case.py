@@ -15,7 +15,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dexplan.sim.replay import Flags, Indices, Replay
+from dexplan.sim.replay import Replay
+from dexplan.sim.world import Flags, Indices
 from dexplan.spatial import Array
 
 Status = Literal["pass", "fail", "not_applicable"]

@@ -20,7 +20,8 @@ from dexplan.sim.checks_case import (
     judge_worst,
     widen,
 )
-from dexplan.sim.replay import OBSTACLE_KINDS, Flags
+from dexplan.sim.replay import OBSTACLE_KINDS
+from dexplan.sim.world import Flags
 from dexplan.spatial import Array
 
 MM, UM = 1e3, 1e6
@@ -102,8 +103,8 @@ def check_free_finger_clearance(case: Case) -> CheckResult:
     """A finger that must not touch stays clear; beside a touch window only the object may be nearer."""
     name, limit, replay = "free_finger_clearance_min", case.limit("free_finger_clearance_min_mm"), case.replay
     samples = replay.clearance_samples
-    if len(samples) == 0:
-        return fail(name, "mm", "there are no samples", limit)
+    if len(samples) == 0 or np.isnan(replay.clearance).any():
+        return fail(name, "mm", "a clearance is missing", limit)
     free = (case.required == MUST_NOT)[samples]
     near = widen(case.required == MAY, round(case.limit("clearance_grace_s") / case.sample_time))[samples]
     distance = np.where(free[..., None], replay.clearance, replay.clearance_horizon)

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from dexplan.sim.checks_case import Case, CheckResult, judge
-from dexplan.sim.replay import World
+from dexplan.sim.world import World
 from dexplan.spatial import GRAVITY, Array
 
 _TOLERANCE = 1e-6

@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dexplan.control.controller import TICK, Command, ControlOptions, Controller
+from dexplan.control.controller import TICK, Command, Controller, ControlOptions
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Reference
 from dexplan.scene.chain import solve_ik

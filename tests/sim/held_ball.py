@@ -12,12 +12,23 @@ from scipy.optimize import least_squares
 
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import SceneParameters
+from dexplan.sim.checks_case import Case
+from dexplan.sim.replay import replay
 from dexplan.sim.trace import Trace
+from dexplan.sim.validate import load_default_limits
 
-# The contract's profile "firm", whatever the scene's own is just now.
-MODEL_XML = re.sub(r' noslip_(iterations|tolerance)="[^"]*"', "", build_model_xml(SceneParameters())).replace(
-    "<option ", '<option noslip_iterations="3" ', 1
+# The contract's profile "firm", spelled out: what the validator holds a model against must not follow the scene.
+OPTION = (
+    '<option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="100" '
+    'noslip_iterations="3" jacobian="dense"/>'
 )
+MODEL_XML = build_model_xml(SceneParameters())
+for pattern, text in (
+    (r"<option [^>]*/>", OPTION),
+    (r'solref="[^"]*"', 'solref="0.004 1"'),
+    (r'solimp="[^"]*"', 'solimp="0.95 0.99 0.001 0.5 2"'),
+):
+    MODEL_XML = re.sub(pattern, text, MODEL_XML)
 AZIMUTHS = (0.0, 120.0, 240.0)
 STEPS = 2
 HOME = [0.0, 0.0, 0.16, 1.0, 0.0, 0.0, 0.0]
@@ -167,3 +178,34 @@ def record(
     if xfrc is not None:
         columns["xfrc_applied"] = xfrc
     return Trace(xml, columns, {"seed": 0})
+
+
+def make_case(
+    trace: Trace | None = None, problem: dict[str, Any] | None = None, plan: dict[str, Any] | None = None
+) -> Case:
+    """Return the case of a run held still, with the columns a controller would have added."""
+    trace = record() if trace is None else trace
+    replayed = replay(
+        trace.model_xml, trace["initial_state"], trace["ctrl"], STEPS, trace.columns.get("xfrc_applied")
+    )
+    T = len(replayed.time)
+    columns = {
+        **trace.columns,
+        "contact_active": replayed.contact_active,
+        "contact_point_O": replayed.contact_point_O,
+        "contact_rotation_O": replayed.contact_rotation_O,
+        "contact_force": replayed.contact_force,
+        "contact_force_reference": replayed.contact_force,
+        "qp_status": np.zeros(T, dtype=np.int64),
+        "qp_wrench_residual": np.zeros(T),
+        "tip_tracking_error": np.zeros(T),
+        "ik_at_limit": np.zeros(T, dtype=bool),
+    }
+    return Case(
+        make_problem() if problem is None else problem,
+        make_plan() if plan is None else plan,
+        columns,
+        replayed,
+        load_default_limits(),
+        trace["initial_state"],
+    )

@@ -1,0 +1,24 @@
+"""Colours that mean the same in every picture; from the colour-blind-safe palette of Okabe and Ito (2008)."""
+
+from __future__ import annotations
+
+FINGER_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442")
+"""Finger after finger; the object is orange, so that none of the first three is lost in front of it."""
+
+ACTION_SHADES = {"hold": "#E4E4E4", "move_object": "#FBF4B4", "place": "#D3EAF7", "lift": "#F6DCCB"}
+"""Backgrounds behind curves, pale versions of the palette's grey, yellow, sky blue and vermilion."""
+
+OTHER_SHADE = "#FFFFFF"
+INK = "#222222"
+ALARM = "#D55E00"
+
+
+def get_finger_color(finger: int) -> str:
+    """Return the colour of a finger as ``#rrggbb``; beyond the palette's end it starts again."""
+    return FINGER_COLORS[finger % len(FINGER_COLORS)]
+
+
+def as_rgb(color: str) -> tuple[float, float, float]:
+    """Return ``#rrggbb`` as three shares of one."""
+    red, green, blue = (int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
+    return red, green, blue

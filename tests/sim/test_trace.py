@@ -1,0 +1,113 @@
+"""A trace survives its file bit for bit, and a bad file is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from held_ball import STEPS, record
+
+from dexplan.errors import RunFolderError
+from dexplan.sim.replay import replay
+from dexplan.sim.trace import Trace
+from dexplan.sim.world import read_world
+
+
+@pytest.fixture
+def trace() -> Trace:
+    columns = {
+        "time": np.arange(3) * 0.004,
+        "qpos": np.array([[1.0, np.nan], [np.pi, -0.0], [1e-320, np.inf]]),
+        "contact_active": np.array([[True], [False], [True]]),
+        "action_index": np.arange(3),
+        "physics_steps_per_sample": np.array(2),
+    }
+    return Trace("<mujoco><!-- μ --></mujoco>", columns, {"seed": 1, "name": "α", "list": [1, 2.5, None]})
+
+
+def test_round_trip_is_exact(trace: Trace, tmp_path: Path) -> None:
+    again = Trace.load(trace.save(tmp_path / "trace.npz"))
+    assert again == trace
+    assert again["physics_steps_per_sample"].shape == ()
+    assert again.sample_count == 3
+
+
+def test_same_trace_gives_same_bytes(trace: Trace, tmp_path: Path) -> None:
+    first = trace.save(tmp_path / "a.npz").read_bytes()
+    second = Trace.load(tmp_path / "a.npz").save(tmp_path / "b.npz").read_bytes()
+    assert first == second
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.npz", "b.npz"]
+
+
+def test_traces_differ_by_any_bit(trace: Trace) -> None:
+    other = Trace(trace.model_xml, {**trace.columns, "time": np.nextafter(trace["time"], 1.0)}, trace.meta)
+    assert other != trace
+    assert Trace(trace.model_xml, trace.columns, {}) != trace
+
+
+def test_trace_is_read_only(trace: Trace) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        trace["time"][0] = 1.0
+    with pytest.raises(TypeError):
+        trace.columns["time"] = np.zeros(3)  # type: ignore[index]
+    with pytest.raises(TypeError, match="Python objects"):
+        Trace("", {"time": np.array([None])}, {})
+
+
+def test_bad_files_are_named(trace: Trace, tmp_path: Path) -> None:
+    with pytest.raises(RunFolderError, match="no such file"):
+        Trace.load(tmp_path / "none.npz")
+    whole = trace.save(tmp_path / "trace.npz").read_bytes()
+    (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(RunFolderError, match="cannot be read"):
+        Trace.load(tmp_path / "half.npz")
+    np.savez(tmp_path / "other.npz", time=np.zeros(3))
+    with pytest.raises(RunFolderError, match="lacks model_xml, meta_json"):
+        Trace.load(tmp_path / "other.npz")
+    np.savez(tmp_path / "pickled.npz", time=np.array([{}], dtype=object))
+    with pytest.raises(RunFolderError, match="cannot be read"):
+        Trace.load(tmp_path / "pickled.npz")
+
+
+def test_replay_gives_the_record_bit_for_bit() -> None:
+    run = record(samples=50)
+    again = replay(run.model_xml, run["initial_state"], run["ctrl"], STEPS)
+    assert np.array_equal(again.qpos, run["qpos"])
+    assert np.array_equal(again.qvel, run["qvel"])
+
+
+def test_replayed_forces_carry_the_ball() -> None:
+    run = record(samples=5)
+    r = replay(run.model_xml, run["initial_state"], run["ctrl"], STEPS)
+    force_O = np.einsum("fij,fj->fi", r.contact_rotation_O[0], r.contact_force[0, :, :3])
+    assert r.contact_active.all()
+    assert force_O.sum(axis=0) == pytest.approx([0, 0, 0.06 * 9.81], abs=1e-3)
+    # n points into the object: opposite to the contact point seen from the centre.
+    assert np.all(np.einsum("fi,fi->f", r.contact_rotation_O[0, :, :, 2], r.contact_point_O[0]) < 0)
+    assert np.linalg.det(r.contact_rotation_O[0]) == pytest.approx(1.0)
+
+
+def test_clearance_is_the_distance_of_spheres() -> None:
+    run = record(samples=1)
+    model = read_world(run.model_xml).model
+    state = np.array(run["initial_state"])
+    raised = int(model.joint("object/free/").qposadr[0]) + 2
+    # The integration state begins with time, then qpos.
+    state[1 + raised] += 0.03
+    r = replay(run.model_xml, state, run["ctrl"], STEPS)
+    expected = np.linalg.norm(r.tip_position[0, 0] - r.object_pose[0, :3]) - 0.053
+    assert 0 < expected < r.clearance_horizon
+    assert r.clearance[0, 0, 0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_replay_names_what_does_not_fit() -> None:
+    run = record(samples=2)
+    with pytest.raises(RunFolderError, match="ctrl has shape"):
+        replay(run.model_xml, run["initial_state"], run["ctrl"][:, :-1], STEPS)
+    with pytest.raises(RunFolderError, match="initial_state has shape"):
+        replay(run.model_xml, run["initial_state"][:-1], run["ctrl"], STEPS)
+    with pytest.raises(RunFolderError, match="cannot compile"):
+        replay("<mujoco><nonsense/></mujoco>", run["initial_state"], run["ctrl"], STEPS)
+    with pytest.raises(RunFolderError, match="lacks fingertips"):
+        replay("<mujoco/>", run["initial_state"], run["ctrl"], STEPS)
