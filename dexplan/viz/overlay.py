@@ -17,9 +17,11 @@ Picture = NDArray[np.uint8]
 
 ARROW_LENGTH = 0.008
 """Length of a force arrow [m/N]."""
-ARROW_WIDTH = 0.0022
-HIDDEN_SHARE = 0.6
+ARROW_WIDTH = 0.003
+HIDDEN_SHARE = 0.8
 """How much of an arrow shines through what stands in front of it."""
+FULL_BRIGHTNESS = 120.0
+"""Of the brightest channel of an arrow's pixel that is wholly covered, whatever its finger."""
 STRIP = (28, 30, 36)
 STRIP_OPACITY = 0.78
 LEAST_FORCE = 0.02
@@ -28,9 +30,10 @@ LEAST_FORCE = 0.02
 def add_force_arrows(
     scene: mujoco.MjvScene, X_WO: Array, point_O: Array, rotation_O: Array, force: Array
 ) -> None:
-    """Append an arrow per contact force [N] to a visual scene: from the contact point along the force on the object.
+    """Append an arrow per contact force to a visual scene: from the contact along the force on the object.
 
-    ``point_O`` (F, 3), ``rotation_O`` (F, 3, 3) and ``force`` (F, 4) are rows of a trace; fingers without contact are NaN.
+    ``point_O`` (F, 3), ``rotation_O`` (F, 3, 3) and ``force`` (F, 4) are rows of a trace; fingers without
+    contact are NaN.
     """
     for finger in range(len(force)):
         if not np.isfinite(force[finger, :3]).all() or scene.ngeom >= scene.maxgeom:
@@ -39,14 +42,10 @@ def add_force_arrows(
         if np.linalg.norm(f_W) < LEAST_FORCE:
             continue
         start = X_WO[:3, :3] @ point_O[finger] + X_WO[:3, 3]
-        geom = scene.geoms[scene.ngeom]
+        geom, shape = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_ARROW
         rgba = np.array([*as_rgb(get_finger_color(finger)), 1.0], dtype=np.float32)
-        mujoco.mjv_initGeom(
-            geom, mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba
-        )
-        mujoco.mjv_connector(
-            geom, mujoco.mjtGeom.mjGEOM_ARROW, ARROW_WIDTH, start, start + ARROW_LENGTH * f_W
-        )
+        mujoco.mjv_initGeom(geom, shape, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+        mujoco.mjv_connector(geom, shape, ARROW_WIDTH, start, start + ARROW_LENGTH * f_W)
         # Its own colour whatever the lights do, so that it can be told by the legend.
         geom.emission = 0.8
         scene.ngeom += 1
@@ -54,13 +53,16 @@ def add_force_arrows(
 
 def blend_hidden(picture: Picture, arrows: Picture) -> None:
     """Let ``arrows``, drawn alone on black, shine through ``picture`` (H, W, 3), in place."""
-    rows = np.flatnonzero(arrows.any(axis=(1, 2)))
+    brightness = arrows.max(axis=2)
+    rows = np.flatnonzero(brightness.any(axis=1))
     if len(rows) == 0:
         return
     band = slice(rows[0], rows[-1] + 1)
-    mask = arrows[band].any(axis=2)
-    mixed = (1.0 - HIDDEN_SHARE) * picture[band][mask] + HIDDEN_SHARE * arrows[band][mask]
-    picture[band][mask] = mixed.astype(np.uint8)
+    mask = brightness[band] > 0
+    # Where edges are smoothed, an arrow's pixel is dark by as much as it covers less.
+    cover = np.minimum(brightness[band][mask] / FULL_BRIGHTNESS, 1.0)[:, None]
+    under, over = picture[band][mask], arrows[band][mask]
+    picture[band][mask] = ((1.0 - HIDDEN_SHARE * cover) * under + HIDDEN_SHARE * over).astype(np.uint8)
 
 
 def draw_caption(picture: Picture, left: str, right: str) -> None:
@@ -74,14 +76,14 @@ def draw_caption(picture: Picture, left: str, right: str) -> None:
 
 
 def draw_legend(picture: Picture, names: tuple[str, ...]) -> None:
-    """Write the fingers' names in their colours into the upper left corner of ``picture`` (H, W, 3), in place."""
+    """Write the fingers' names and colours into the upper left corner of ``picture`` (H, W, 3), in place."""
     height, width = picture.shape[:2]
     _lay(picture, _paint_legend(names, width, height))
 
 
 @lru_cache(maxsize=16)
 def paint_text(text: str, width: int, height: int, size: float, side: str) -> Picture:
-    """Return white text on the strip's colour (height, width, 3), ``size`` pixels high, at its left or right end."""
+    """Return white text on the strip's colour (height, width, 3), ``size`` pixels high, at one end."""
     figure, canvas = _open(width, height)
     margin = 0.5 * size / width
     x = margin if side == "left" else 1.0 - margin
@@ -119,7 +121,7 @@ def _read(canvas: FigureCanvasAgg) -> Picture:
 
 
 def _lay(picture: Picture, strip: Picture) -> None:
-    """Lay ``strip`` over the upper left of ``picture``: its dark ground lets the picture through, its writing does not."""
+    """Lay ``strip`` over the upper left of ``picture``, which shines through its ground only."""
     area = picture[: strip.shape[0], : strip.shape[1]]
     ink = (np.abs(strip.astype(np.int16) - STRIP).max(axis=2, keepdims=True) / 160.0).clip(0.0, 1.0)
     opacity = STRIP_OPACITY + (1.0 - STRIP_OPACITY) * ink

@@ -1,7 +1,8 @@
-"""The process that draws: started by ``video.py`` with MUJOCO_GL set, told its job by a JSON file, heard through JSON lines.
+"""The process that draws.  ``video.py`` starts it with MUJOCO_GL set, and a JSON file tells it its job.
 
-Lines on stdout: ``{"event": "ready"}`` once a renderer runs, ``{"event": "no_renderer", "fact": ..}`` where none starts,
-``{"event": "refused", "message": ..}`` for a job that cannot be done, ``{"event": "progress", "share": ..}`` meanwhile.
+It answers in JSON lines on stdout: ``{"event": "ready"}`` once a renderer runs, ``{"event": "no_renderer",
+"fact": ..}`` where none starts, ``{"event": "refused", "message": ..}`` for a job that cannot be done, and
+``{"event": "progress", "share": ..}`` meanwhile.
 """
 
 from __future__ import annotations
@@ -203,11 +204,11 @@ def _film(renderer: SceneRenderer, trace: Trace, job: Mapping[str, Any], size: t
 
 
 def _encoder_command(ffmpeg: str, size: tuple[int, int], fps: float, path: str) -> list[str]:
-    """Return the encoder's command line: raw RGB on stdin to H.264 with limited-range BT.709, said so in the file."""
+    """Return the encoder's command: raw RGB on stdin to H.264, in BT.709 of limited range and tagged so."""
     taken = f"-f rawvideo -pix_fmt rgb24 -s {size[0]}x{size[1]} -framerate {fps} -i -"
-    colours = "scale=in_range=pc:out_range=tv:out_color_matrix=bt709,format=yuv420p"
-    tags = "-color_range tv -colorspace bt709 -color_primaries bt709 -color_trc bt709"
-    given = f"-an -c:v libx264 -preset veryfast -crf 20 -vf {colours} {tags} -movflags +faststart -f mp4"
+    tags = "setparams=range=tv:colorspace=bt709:color_primaries=bt709:color_trc=bt709"
+    colours = f"scale=in_range=pc:out_range=tv:out_color_matrix=bt709,format=yuv420p,{tags}"
+    given = f"-an -c:v libx264 -preset veryfast -crf 20 -vf {colours} -movflags +faststart -f mp4"
     return [ffmpeg, *f"-hide_banner -loglevel error -y {taken} {given}".split(), path]
 
 
@@ -222,7 +223,7 @@ def _paint_tips(model: Any, names: tuple[str, ...]) -> None:
 
 
 def _fill_poses(qpos: Array) -> Array:
-    """Return ``qpos`` (T, nq) with every sample that is no number replaced by the last one before it that is."""
+    """Return ``qpos`` (T, nq) with every sample that is no number replaced by the last good one before it."""
     is_good = np.isfinite(qpos).all(axis=1)
     if not is_good.any():
         raise RenderError("the trace has no sample to show: a run of at least one finite pose is needed")

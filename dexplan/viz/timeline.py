@@ -8,6 +8,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
 
@@ -42,7 +43,7 @@ class Span:
 
 
 def read_finger_names(trace: Trace) -> tuple[str, ...]:
-    """Return the fingers' names in the order of the trace's columns, from the names of the tips in its model."""
+    """Return the fingers' names in the order of the trace's columns, read off its model's tips."""
     names = (geom.get("name", "") for geom in ElementTree.fromstring(trace.model_xml).iter("geom"))
     return tuple(name.removesuffix("/tip") for name in names if name.endswith("/tip"))
 
@@ -50,7 +51,7 @@ def read_finger_names(trace: Trace) -> tuple[str, ...]:
 def build_gait_rows(trace: Trace) -> tuple[GaitRow, ...]:
     """Return when each finger touched, as measured.
 
-    A sample speaks for the time until the next one; a span that lasts to the end of the run ends with the last sample.
+    A sample speaks for the time until the next one; a span at the end of the run ends with the last sample.
     """
     time, active = trace["time"], trace["contact_active"]
     rows = []
@@ -74,8 +75,8 @@ def build_action_spans(trace: Trace) -> tuple[Span, ...]:
 def gait_text(source: Trace | Plan, width: int = 100) -> str:
     """Return the gait diagram as text, a line per finger, at most ``width`` characters wide.
 
-    Of a plan: a column per phase, grouped by action under its number, folded where it gets too long.  Of a trace: a
-    character per equal stretch of time.
+    Of a plan: a column per phase, grouped by action under its number, folded where it gets too long.
+    Of a trace: a character per equal stretch of time.
     """
     return _trace_text(source, width) if isinstance(source, Trace) else _plan_text(source, width)
 
@@ -96,7 +97,7 @@ def describe_action(plan: Plan, action_index: int, phase_index: int = 0) -> str:
 
 
 def choose_axis(plan: Plan | None) -> Array:
-    """Return the world axis (3,) about which to count the turn: the goal's, that of its attitude, or upwards."""
+    """Return the world axis (3,) about which to count the turn: the goal's, its attitude's, or upwards."""
     if plan is None:
         return np.array(_UPWARDS)
     if plan.axis_W is not None:
@@ -107,9 +108,10 @@ def choose_axis(plan: Plan | None) -> Array:
 
 
 def compute_turned_angle(pose7: ArrayLike, axis_W: ArrayLike) -> Array:
-    """Return how far poses (T, 7) have turned about ``axis_W`` (3,) since the first one (T,) [rad], whole turns counted.
+    """Return how far (T,) [rad] poses (T, 7) have turned about ``axis_W`` (3,) since the first.
 
-    The twist of each attitude about the axis is unwrapped, so a wobble about other axes does not add up.
+    Whole turns count.  The twist of each attitude about the axis is unwrapped, so a wobble about other axes
+    does not add up.
     """
     rotations = Rotation.from_quat(np.asarray(pose7, dtype=np.float64)[:, 3:], scalar_first=True)
     quat = (rotations * rotations[0].inv()).as_quat(scalar_first=True)
@@ -130,7 +132,7 @@ def _find_runs(values: NDArray[Any]) -> Iterator[tuple[Any, int, int]]:
     if len(values) == 0:
         return
     edges = [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist(), len(values)]
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         yield values[a], a, b
 
 

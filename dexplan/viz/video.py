@@ -1,6 +1,7 @@
 """Pictures and films of a run, drawn offscreen in a process of their own.
 
-MuJoCo chooses its GL platform once, when it is imported.  So each attempt is a new process: EGL first, then OSMesa.
+MuJoCo chooses its GL platform once, when it is imported.  So each attempt is a new process: EGL first, then
+OSMesa.
 """
 
 from __future__ import annotations
@@ -42,10 +43,10 @@ def render_video(
     camera: str = CAMERA,
     progress: Progress | None = None,
 ) -> Path:
-    """Write the film of ``trace`` at the speed of the run (H.264, yuv420p), whole or not at all; return its path.
+    """Write the film of ``trace`` at the speed of the run, whole or not at all; return its path.
 
-    Without a plan the caption has no action.  ``progress`` is called with the share done.  Raises RenderError where nothing
-    can be drawn on this machine, UnknownNameError's text for a camera that the model lacks.
+    H.264 in yuv420p.  Without a plan the caption has no action.  ``progress`` is called with the share done.
+    Raises RenderError where nothing can be drawn on this machine, and for an odd size or unknown camera.
     """
     with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
         files = _save_values(trace, plan, Path(folder))
@@ -60,7 +61,7 @@ def render_run(
     camera: str = CAMERA,
     progress: Progress | None = None,
 ) -> Path:
-    """Write ``video.mp4`` into a run folder from the trace and, where there is one, the plan in it; return its path."""
+    """Write ``video.mp4`` into a run folder, from its trace and its plan if it has one; return its path."""
     folder = Path(folder)
     trace, plan = folder / "trace.npz", folder / "plan.json"
     if not trace.is_file():
@@ -79,7 +80,7 @@ def render_frame(
     size: tuple[int, int] = SIZE,
     camera: str = CAMERA,
 ) -> Path:
-    """Write the picture of the sample nearest to ``time`` [s] as PNG, with shadows and smooth edges; return its path."""
+    """Write the sample nearest to ``time`` [s] as PNG, with shadows and smooth edges; return its path."""
     target = Path(path)
     _draw_stills(trace, plan, {target: time}, size, camera)
     return target
@@ -94,7 +95,7 @@ def render_frames(
     size: tuple[int, int] = SIZE,
     camera: str = CAMERA,
 ) -> tuple[Path, ...]:
-    """Write the pictures at ``times`` [s] as ``frame_001.png``, ``frame_002.png`` .. into ``folder``; return their paths."""
+    """Write the samples at ``times`` [s] to ``folder``, ``frame_001.png`` and so on; return their paths."""
     targets = {Path(folder) / f"frame_{k:03d}.png": time for k, time in enumerate(times, start=1)}
     if targets:
         _draw_stills(trace, plan, targets, size, camera)
@@ -194,7 +195,7 @@ def _run_job(job: Mapping[str, Any], progress: Progress | None) -> None:
 
 
 def _attempt(job: Mapping[str, Any], backend: str, progress: Progress | None) -> str | None:
-    """Do ``job`` on one GL platform; return None when it is done and the reason where the platform does not start."""
+    """Do ``job`` on one GL platform; return None when done, the reason where the platform does not start."""
     package_home = str(Path(__file__).resolve().parents[2])
     search = os.pathsep.join(filter(None, [package_home, os.environ.get("PYTHONPATH")]))
     environment = {**os.environ, "MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend, "PYTHONPATH": search}

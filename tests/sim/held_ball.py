@@ -17,7 +17,7 @@ from dexplan.sim.replay import replay
 from dexplan.sim.trace import Trace
 from dexplan.sim.validate import load_default_limits
 
-# The contract's profile "firm", spelled out: what the validator holds a model against must not follow the scene.
+# The contract's profile "firm", spelled out: the whitelist must not follow the scene.
 OPTION = (
     '<option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="100" '
     'noslip_iterations="3" jacobian="dense"/>'

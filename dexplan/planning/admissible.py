@@ -1,0 +1,153 @@
+"""Can the hand carry this state?  One function answers, with margins, for the planner, for `inspect` and for tests.
+
+Force closure is geometry; whether *this* hand can hold *this* object here also takes joints away from their limits, forces
+that carry the weight inside the believed cones, torques that the joints can give, and nothing in the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dexplan.grasp.force import ForceLimits, ForceSolver
+from dexplan.planning.hand import HandModel
+from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_jacobian, compute_tip_pose
+from dexplan.spatial import GRAVITY, Array, build_frame, skew
+
+
+@dataclass(frozen=True)
+class Margins:
+    """What one state leaves to spare, and why it is refused if it is.
+
+    ``joint`` [rad] and ``dexterity`` over the loaded fingers; ``load``: share of the believed cone that the force QP leaves
+    unused, -inf where it finds no forces; ``torque``: largest share of a torque limit; ``clearance`` [m].
+    ``refusal`` is empty for an admissible state, else the first violated condition in words.
+    """
+
+    joint: float
+    dexterity: float
+    load: float
+    torque: float
+    clearance: float
+    refusal: str = ""
+
+    @property
+    def is_admissible(self) -> bool:
+        """Whether the state may be planned through."""
+        return not self.refusal
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the margins in the units of ``plan.json``."""
+        return {
+            "joint_deg": float(np.degrees(self.joint)),
+            "dexterity": self.dexterity,
+            "load": self.load,
+            "torque_share": self.torque,
+            "clearance_mm": 1e3 * self.clearance,
+        }
+
+
+def worst(rows: list[Margins]) -> dict[str, float]:
+    """Return the worst of each margin over a motion, as JSON data; empty for no samples."""
+    if not rows:
+        return {}
+    dicts = [row.as_dict() for row in rows]
+    pick = {key: (max if key == "torque_share" else min) for key in dicts[0]}
+    return {key: pick[key](d[key] for d in dicts) for key in dicts[0]}
+
+
+@dataclass(eq=False)
+class Admissibility:
+    """Answers "can the hand carry this state?"; keeps one warm force solver per number of contacts."""
+
+    hand: HandModel
+    _solvers: dict[int, ForceSolver] = field(default_factory=dict)
+
+    def compute_margins(
+        self, q: Array, X_WO: Array, holding: tuple[int, ...], landing: tuple[int, ...] = (), axis_W: Array | None = None
+    ) -> Margins:
+        """Return the margins of a state.
+
+        Args:
+            q: postures (F, J) [rad] of all fingers; the tips of ``holding`` touch the object.
+            X_WO: object pose (4, 4).
+            holding: fingers that carry the object.
+            landing: fingers on their way to or from a contact, which may be near the object.
+            axis_W: unit axis about which the object is being accelerated, or None.
+        """
+        hand, limits = self.hand, self.hand.limits
+        joint = min(float(compute_joint_margin(hand.fingers[i].chain, q[i])) for i in (*holding, *landing))
+        dexterity = min(float(compute_dexterity(hand.fingers[i].chain, q[i])) for i in holding)
+        clearance, pair = hand.probe.compute_clearance(q, X_WO, (*holding, *landing))
+        load, torque, fault = self._compute_load(q, X_WO, holding, axis_W)
+        refusal = ""
+        if joint < limits.joint_margin:
+            refusal = f"a joint comes within {np.degrees(joint):.1f} deg of its limit"
+        elif dexterity < limits.dexterity:
+            refusal = "a finger comes near a singular posture"
+        elif clearance < limits.clearance:
+            refusal = f"{pair} come within {1e3 * clearance:.1f} mm"
+        elif fault:
+            refusal = f"the contacts cannot carry the load ({fault})"
+        return Margins(joint, dexterity, load, torque, clearance, refusal)
+
+    def compute_path_clearance(
+        self, q: Array, X_WO: Array, free: int, path: Array, touching: tuple[int, ...]
+    ) -> tuple[float, str]:
+        """Return the smallest clearance [m] while finger ``free`` moves along ``path`` (K, J) and the others stay at ``q``."""
+        best, pair = np.inf, ""
+        q = q.copy()
+        for posture in path:
+            q[free] = posture
+            clearance, names = self.hand.probe.compute_clearance(q, X_WO, touching)
+            if clearance < best:
+                best, pair = clearance, names
+        return float(best), pair
+
+    def _compute_load(
+        self, q: Array, X_WO: Array, holding: tuple[int, ...], axis_W: Array | None
+    ) -> tuple[float, float, str]:
+        """Return load margin, largest torque share and the fault of the force QP ("" where it is solved)."""
+        hand, limits = self.hand, self.hand.limits
+        friction = hand.friction.scaled(limits.cone_share)
+        solver = self._solvers.get(len(holding))
+        if solver is None:
+            joints = hand.fingers[0].chain.n_joints
+            length = float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
+            solver = ForceSolver([friction] * len(holding), joints, length=length)
+            self._solvers[len(holding)] = solver
+        R_WO, p_WO = X_WO[:3, :3], X_WO[:3, 3]
+        G = np.zeros((6, 4 * len(holding)))
+        joints = hand.fingers[0].chain.n_joints
+        maps = np.zeros((len(holding), joints, 4))
+        for k, i in enumerate(holding):
+            chain = hand.fingers[i].chain
+            X_WF = compute_tip_pose(chain, q[i])
+            arm_W = R_WO @ hand.object.surface.closest(R_WO.T @ (X_WF[:3, 3] - p_WO))
+            R_WC = build_frame(-arm_W / np.linalg.norm(arm_W))
+            G[:3, 4 * k : 4 * k + 3] = R_WC
+            G[3:, 4 * k : 4 * k + 3] = skew(arm_W) @ R_WC
+            G[3:, 4 * k + 3] = R_WC[:, 2]
+            J = compute_tip_jacobian(chain, q[i])
+            J_C = J[:3] - skew(p_WO + arm_W - X_WF[:3, 3]) @ J[3:]
+            maps[k, :, :3] = J_C.T @ R_WC
+            maps[k, :, 3] = J[3:].T @ R_WC[:, 2]
+        wrench = np.array([0.0, 0.0, hand.object.mass * GRAVITY, 0.0, 0.0, 0.0])
+        if axis_W is not None:
+            wrench[3:] = R_WO @ hand.object.inertia @ R_WO.T @ (hand.acceleration * axis_W)
+        bias = hand.probe.compute_gravity_torque(q)[list(holding)]
+        torque_limit = np.stack([hand.fingers[i].torque_limit for i in holding])
+        reach = limits.torque_share * torque_limit
+        n = len(holding)
+        force_limits = ForceLimits(
+            np.full(n, limits.normal_floor), np.full(n, limits.normal_ceiling), -reach, reach
+        )
+        solution = solver.solve(G, wrench, force_limits, np.full(n, hand.normal_force), maps, bias)
+        if not solution.is_solved:
+            return -np.inf, np.inf, ", ".join(solution.faults) or solution.status
+        used = np.array([hand.friction.utilisation(f) for f in solution.forces])
+        torque = bias + np.einsum("kjc,kc->kj", maps, solution.forces)
+        return 1.0 - float(used.max()), float((np.abs(torque) / torque_limit).max()), ""
+
+

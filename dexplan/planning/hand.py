@@ -1,0 +1,69 @@
+"""What the planner knows of the world: descriptions, workspaces, and two questions it may ask; no simulator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from dexplan.contact.friction import SoftFinger
+from dexplan.scene.description import FingerDescription, ObjectDescription
+from dexplan.scene.workspace import Workspace
+from dexplan.spatial import Array
+
+
+class Probe(Protocol):
+    """Kinematic queries that need the hand's full geometry; answered by ``scene.probe.HandProbe``."""
+
+    def compute_clearance(self, q: Array, X_WO: Array, touching: tuple[int, ...]) -> tuple[float, str]:
+        """Return the smallest distance [m] between bodies that should not touch, and their names."""
+        ...
+
+    def compute_gravity_torque(self, q: Array) -> Array:
+        """Return the joint torques (F, J) [N m] that hold the fingers' own weight."""
+        ...
+
+
+@dataclass(frozen=True)
+class AdmissibleLimits:
+    """What a state must leave to spare to be planned through."""
+
+    joint_margin: float = float(np.radians(5.0))
+    """Distance of every joint to its limits [rad]."""
+    dexterity: float = 0.10
+    """Smallest singular value of a loaded finger's Jacobian, lengths in 60 mm: away from singular postures."""
+    cone_share: float = 0.95
+    """Share of the believed friction cone that planned forces may use.  A pure squeeze between two contacts 140 degrees apart
+    already uses 0.86 of the cone at mu 0.55 / 1.3, so a smaller share would refuse grasps that hold well in the simulator."""
+    torque_share: float = 0.70
+    """Share of the torque limits that planned forces may use."""
+    clearance: float = 0.002
+    """Distance between bodies that do not touch [m]."""
+    normal_floor: float = 4.0
+    normal_ceiling: float = 12.0
+    """Least and greatest normal force of a loaded contact [N]."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandModel:
+    """A hand around an object, as the planner sees it.
+
+    ``friction`` is the *believed* one; ``hover`` [m] the gap at which approaches start; ``acceleration`` the largest planned
+    angular acceleration of the object [rad/s^2].
+    """
+
+    fingers: tuple[FingerDescription, ...]
+    object: ObjectDescription
+    workspaces: tuple[Workspace, ...]
+    friction: SoftFinger
+    probe: Probe
+    limits: AdmissibleLimits = field(default_factory=AdmissibleLimits)
+    normal_force: float = 5.0
+    hover: float = 0.008
+    acceleration: float = 2.8
+
+    @property
+    def q_home(self) -> Array:
+        """Home postures (F, J) [rad]."""
+        return np.stack([f.q_home for f in self.fingers])
