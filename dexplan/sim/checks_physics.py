@@ -20,17 +20,17 @@ from dexplan.spatial import GRAVITY, Array
 _TOLERANCE = 1e-6
 """Relative: a model text carries nine digits."""
 PROFILES: dict[str, dict[str, float]] = {
-    "firm": {"impratio": 100.0, "noslip_iterations": 3, "noslip_tolerance": 1e-6},
-    "portable": {"impratio": 100.0, "noslip_iterations": 0, "noslip_tolerance": 1e-6},
+    "firm": {"impratio": 100.0, "noslip_iterations": 30, "noslip_tolerance": 1e-10},
+    "portable": {"impratio": 3000.0, "noslip_iterations": 0, "noslip_tolerance": 1e-6},
 }
 """Solver options that a physics profile sets."""
 OPTIONS: dict[str, Any] = {
-    "timestep": 0.002,
+    "timestep": 0.001,
     "gravity": [0.0, 0.0, -GRAVITY],
     "wind": [0.0, 0.0, 0.0],
     "density": 0.0,
     "viscosity": 0.0,
-    "integrator": int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST),
+    "integrator": int(mujoco.mjtIntegrator.mjINT_EULER),
     "cone": int(mujoco.mjtCone.mjCONE_ELLIPTIC),
     "solver": int(mujoco.mjtSolver.mjSOL_NEWTON),
     "jacobian": int(mujoco.mjtJacobian.mjJAC_DENSE),
@@ -42,7 +42,7 @@ OPTIONS: dict[str, Any] = {
     "enableflags": 0,
     "disableactuator": 0,
 }
-CONTACT = {"solref": [0.004, 1.0], "solimp": [0.95, 0.99, 0.001, 0.5, 2.0], "condim": 4, "rolling": 1e-4}
+CONTACT = {"solref": [0.002, 1.0], "solimp": [0.95, 0.99, 0.001, 0.5, 2.0], "condim": 4, "rolling": 1e-4}
 ABSENT = (
     "neq",
     "nmocap",

@@ -1,4 +1,4 @@
-"""What the summary draws over time: forces, friction used, errors and the turn, from the columns of a trace."""
+"""What the summary draws over time: forces, friction used, errors and the turn, from a trace's columns."""
 
 from __future__ import annotations
 

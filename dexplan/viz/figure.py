@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from dexplan.planning.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.sim.validate import ValidationReport
+from dexplan.spatial import Array
 from dexplan.viz.curves import Curves, compute_curves
 from dexplan.viz.palette import ACTION_SHADES, ALARM, INK, OTHER_SHADE, get_finger_color
 from dexplan.viz.timeline import GaitRow, Span, build_action_spans, build_gait_rows
@@ -25,6 +26,8 @@ UTILISATION_LIMIT = 0.9
 """Where the summary draws the line when the problem names none."""
 LEAST_LABEL_SHARE = 0.018
 """An action shorter than this share of the run gets no number."""
+LEAST_ERROR = 0.01
+"""The axes of errors reach at least this far [mm], [deg]."""
 LEAST_LIMIT_SHARE = 0.06
 """An action shorter than this share of the run has no room for the name of its limit."""
 
@@ -38,13 +41,12 @@ def draw_summary(
 ) -> Path:
     """Write the summary of a run as a PNG of 1400 x 1200 pixels, whole or not at all; return its path.
 
-    ``problem`` is the data of ``problem.toml``; without it the frictions are read from the model of the trace.
+    ``problem`` is the data of ``problem.toml``; without it frictions are read from the trace's model.
     """
     curves = compute_curves(problem, plan, trace)
     spans = build_action_spans(trace)
     figure = Figure(figsize=(14.0, 12.0), dpi=100, facecolor="white")
     canvas = FigureCanvasAgg(figure)
-    edges = {"left": 0.07, "right": 0.93, "top": 0.88, "bottom": 0.05}
     grid = figure.add_gridspec(
         5,
         1,
@@ -151,7 +153,7 @@ def _write_limit(ax: Axes, limit: str, time: float, row: int) -> None:
 def _draw_forces(ax: Axes, curves: Curves, rows: tuple[GaitRow, ...]) -> None:
     for k in range(len(rows)):
         color = get_finger_color(k)
-        ax.plot(curves.time, curves.normal_force[:, k], color=color, linewidth=1.4, zorder=3)
+        ax.plot(curves.time, curves.normal_force[:, k], color=color, linewidth=_width(k), zorder=3)
         ax.plot(
             curves.time,
             curves.normal_force_reference[:, k],
@@ -167,14 +169,22 @@ def _draw_forces(ax: Axes, curves: Curves, rows: tuple[GaitRow, ...]) -> None:
     ax.set_ylim(0.0, 1.35 * float(np.max(known, initial=1.0)))
 
 
+def _width(finger: int) -> float:
+    # Later fingers are drawn over earlier ones, thinner, so that equal curves can be told.
+    return max(2.6 - 0.7 * finger, 0.8)
+
+
 def _draw_utilisation(ax: Axes, curves: Curves, limit: float) -> None:
     for k in range(curves.utilisation.shape[1]):
         ax.plot(
-            curves.time, np.minimum(curves.utilisation[:, k], 1.15), color=get_finger_color(k), linewidth=1.2
+            curves.time,
+            np.minimum(curves.utilisation[:, k], 1.15),
+            color=get_finger_color(k),
+            linewidth=_width(k),
         )
     ax.axhline(limit, color=INK, linewidth=0.9, linestyle="--")
     ax.axhline(1.0, color=ALARM, linewidth=1.2)
-    ends = {
+    ends: dict[str, Any] = {
         "xycoords": ("axes fraction", "data"),
         "textcoords": "offset points",
         "fontsize": 9,
@@ -189,14 +199,19 @@ def _draw_utilisation(ax: Axes, curves: Curves, limit: float) -> None:
 def _draw_errors(ax: Axes, curves: Curves) -> None:
     ax.plot(curves.time, curves.position_error_mm, color=INK, linewidth=1.2)
     ax.set_ylabel("position error [mm]")
-    ax.set_ylim(bottom=0.0)
+    ax.set_ylim(0.0, _find_top(curves.position_error_mm))
     right = ax.twinx()
     right.plot(curves.time, curves.rotation_error_deg, color=ALARM, linewidth=1.2, linestyle="--")
     right.set_ylabel("rotation error [°]", color=ALARM)
     right.tick_params(axis="y", colors=ALARM)
     right.tick_params(labelbottom=False)
-    right.set_ylim(bottom=0.0)
+    right.set_ylim(0.0, _find_top(curves.rotation_error_deg))
     right.spines[["top"]].set_visible(False)
+
+
+def _find_top(errors: Array) -> float:
+    """Return where an axis of errors ends; rounding errors are not blown up to fill it."""
+    return 1.08 * float(np.max(errors[np.isfinite(errors)], initial=LEAST_ERROR))
 
 
 def _draw_turn(ax: Axes, curves: Curves) -> None:

@@ -93,7 +93,7 @@ def paint_text(text: str, width: int, height: int, size: float, side: str) -> Pi
 
 @lru_cache(maxsize=4)
 def _paint_legend(names: tuple[str, ...], width: int, height: int) -> Picture:
-    size = 0.016 * width
+    size = min(0.016 * width, 0.021 * height)
     line = 1.6 * size
     box_width = round(size * (0.62 * max(16, *map(len, names)) + 2.4))
     box_height = round(line * (len(names) + 1) + 0.6 * size)

@@ -150,7 +150,7 @@ def _trace_text(trace: Trace, width: int) -> str:
     ruler = f"{time[0]:.1f} s".ljust(columns)
     end = f"{time[-1]:.1f} s"
     lines.append(" " * margin + ruler[: max(columns - len(end), 0)] + end)
-    lines.append(f"{HOLDS} touches   {FREE} free   {BOTH} both within one character")
+    lines += textwrap.wrap(f"{HOLDS} touches   {FREE} free   {BOTH} both within one character", width)
     return "\n".join(line.rstrip() for line in lines)
 
 

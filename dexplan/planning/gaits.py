@@ -1,0 +1,120 @@
+"""Gaits as sequences of actions: finger substitution [paper §2.2]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.spatial import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One link of the search's answer: perhaps a substitution, then a turn of the object with the new grasp.
+
+    ``contacts`` hold during the turn from ``X_WO_start`` to ``X_WO_end`` by ``angle`` [rad]; before it ``placed`` came down and
+    finger ``lifted`` went up.  ``limit`` is the limiting finger (or None) and what ended the turn.
+    """
+
+    contacts: tuple[Placement, ...]
+    X_WO_start: Array
+    X_WO_end: Array
+    angle: float
+    placed: Placement | None
+    lifted: int | None
+    limit: tuple[int | None, str]
+    margins: Mapping[str, float] = field(default_factory=dict)
+    place_margins: Mapping[str, float] = field(default_factory=dict)
+
+
+def build_actions(steps: list[Step], start: tuple[Placement | None, ...], axis_W: Array) -> tuple[Action, ...]:
+    """Return the actions of a gait: hold, then for every step place, lift and move, and hold at the end."""
+    contacts = list(start)
+    X = steps[0].X_WO_start
+    still = {"X_WO_start": X, "X_WO_end": X, "axis_W": axis_W, "angle": 0.0}
+    actions = [_hold(contacts, still, "let the grasp settle")]
+    previous: Step | None = None
+    for step in steps:
+        still = {"X_WO_start": step.X_WO_start, "X_WO_end": step.X_WO_start, "axis_W": axis_W, "angle": 0.0}
+        if step.placed is not None and step.lifted is not None and previous is not None:
+            actions.extend(_substitute(contacts, step, previous, still))
+        if step.angle != 0.0:
+            actions.append(_move(contacts, step, axis_W))
+        previous = step
+    end = steps[-1].X_WO_end
+    actions.append(_hold(contacts, {**still, "X_WO_start": end, "X_WO_end": end}, "the goal is reached"))
+    return tuple(actions)
+
+
+def _substitute(
+    contacts: list[Placement | None], step: Step, previous: Step, still: dict[str, object]
+) -> list[Action]:
+    """Finger substitution: the free finger forms a grasp with one of the two, then the other is lifted [paper §2.2]."""
+    assert step.placed is not None
+    assert step.lifted is not None
+    finger, lifted = step.placed.finger, step.lifted
+    before = _holding(contacts)
+    limiting, limit = previous.limit
+    partner = next(c.finger for c in step.contacts if c.finger != finger)
+    why = f"it forms a force-closure grasp with finger {partner + 1} and relieves finger {lifted + 1}"
+    phases = [
+        PlannedPhase("travel", _touch(contacts, {})),
+        PlannedPhase("approach", _touch(contacts, {finger: MAY})),
+    ]
+    contacts[finger] = step.placed
+    phases.append(PlannedPhase("load", _touch(contacts, {})))
+    place = Action(
+        "place", finger, before, contacts_end=tuple(contacts), phases=tuple(phases), why=why,
+        limiting_finger=limiting, limit=limit, margins=step.place_margins, **still,  # type: ignore[arg-type]
+    )  # fmt: skip
+    phases = [PlannedPhase("unload", _touch(contacts, {}))]
+    contacts[lifted] = None
+    phases += [
+        PlannedPhase("retreat", _touch(contacts, {lifted: MAY})),
+        PlannedPhase("travel", _touch(contacts, {})),
+    ]
+    ended = f"finger {limiting + 1} came to {limit}" if limiting is not None else limit
+    lift = Action(
+        "lift", lifted, _holding(contacts), contacts_end=tuple(contacts), phases=tuple(phases),
+        why=f"finger {finger + 1} stands in for it ({ended})", limiting_finger=limiting, limit=limit,
+        margins=step.place_margins, **still,  # type: ignore[arg-type]
+    )  # fmt: skip
+    return [place, lift]
+
+
+def _move(contacts: list[Placement | None], step: Step, axis_W: Array) -> Action:
+    limiting, limit = step.limit
+    end = f"finger {limiting + 1} comes to {limit}" if limiting is not None else limit
+    return Action(
+        kind="move_object",
+        finger=None,
+        grasping=_holding(contacts),
+        X_WO_start=step.X_WO_start,
+        X_WO_end=step.X_WO_end,
+        axis_W=axis_W,
+        angle=step.angle,
+        contacts_end=tuple(contacts),
+        phases=(PlannedPhase("move", _touch(contacts, {})),),
+        why=f"until {end}",
+        limiting_finger=limiting,
+        limit=limit,
+        margins=step.margins,
+    )
+
+
+def _hold(contacts: list[Placement | None], still: dict[str, object], why: str) -> Action:
+    phase = PlannedPhase("hold", _touch(contacts, {}))
+    return Action(
+        "hold", None, _holding(contacts), contacts_end=tuple(contacts), phases=(phase,), why=why, **still  # type: ignore[arg-type]
+    )
+
+
+def _holding(contacts: list[Placement | None]) -> tuple[int, ...]:
+    return tuple(int(i) for i in np.flatnonzero([c is not None for c in contacts]))
+
+
+def _touch(contacts: list[Placement | None], changing: dict[int, str]) -> tuple[str, ...]:
+    return tuple(changing.get(i, MUST_NOT if c is None else MUST) for i, c in enumerate(contacts))
