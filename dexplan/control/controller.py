@@ -20,9 +20,10 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference
 from dexplan.control.tasks import FingertipTask
+from dexplan.grasp.grasp import map_contact
 from dexplan.grasp.force import ForceLimits, ForceSolution, ForceSolver
 from dexplan.scene.scene import Scene
-from dexplan.spatial import GRAVITY, Array, build_frame, invert_pose, rotation_matrix, rotation_vector, skew
+from dexplan.spatial import GRAVITY, Array, invert_pose, rotation_matrix, rotation_vector
 
 TICK = 0.004
 """Control period [s]."""
@@ -260,19 +261,14 @@ class Controller:
         R_WO, surface = observation.X_WO[:3, :3], self._scene.object.surface
         G = np.zeros((6, 4 * len(holding)))
         maps = np.zeros((len(holding), self._joints.shape[1], 4))
-        frames = []
+        R_OW, frames = R_WO.T, []
         for k, i in enumerate(holding):
             p_OC = surface.closest(self._carried[i][:3, 3])
-            R_OC = build_frame(-p_OC / math.sqrt(p_OC.dot(p_OC)))
-            G[:3, 4 * k : 4 * k + 3] = R_OC
-            G[3:, 4 * k : 4 * k + 3] = skew(p_OC) @ R_OC
-            G[3:, 4 * k + 3] = R_OC[:, 2]
-            R_WC = R_WO @ R_OC
-            arm = observation.X_WO[:3, 3] + R_WO @ p_OC - self._X_WF[i][:3, 3]
-            J = self._J[i][:, self._joints[i]]
-            maps[k, :, :3] = (J[:3] - skew(arm) @ J[3:]).T @ R_WC
-            maps[k, :, 3] = J[3:].T @ R_WC[:, 2]
-            frames.append(R_WC)
+            p_OF = R_OW @ (self._X_WF[i][:3, 3] - observation.X_WO[:3, 3])
+            J_O = np.vstack([R_OW @ self._J[i][:3, self._joints[i]], R_OW @ self._J[i][3:, self._joints[i]]])
+            columns, maps[k] = map_contact(J_O, p_OC, p_OC - p_OF)
+            G[:, 4 * k : 4 * k + 4] = columns
+            frames.append(R_WO @ columns[:3, :3])
         mass, inertia = self._scene.object.mass, self._scene.object.inertia
         weight = mass * (acceleration[:3] + np.array([0.0, 0.0, GRAVITY]))
         wrench = np.concatenate([R_WO.T @ weight, inertia @ (R_WO.T @ acceleration[3:])])

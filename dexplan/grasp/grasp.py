@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dexplan.contact.friction import ContactModel
-from dexplan.spatial import Array, build_frame, hat, read_only
+from dexplan.spatial import Array, build_frame, hat, read_only, skew
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,3 +123,24 @@ def compute_hand_jacobian(
         twist = np.concatenate([R_WC.T @ at_contact, R_WC.T @ jacobian[3:]])
         rows.append(contact.model.wrench_basis().T @ twist)
     return np.concatenate(rows)
+
+
+def map_contact(J: Array, arm: Array, offset: Array) -> tuple[Array, Array]:
+    """Return what a soft contact's forces do to the object and to the finger, all in one frame's axes.
+
+    Args:
+        J: Jacobian (6, J) of the tip's centre.
+        arm: contact point from the object's origin (3,); the inward normal points back along it, as on a sphere.
+        offset: contact point from the tip's centre (3,).
+
+    Returns:
+        The contact's columns of the grasp map (6, 4), and the joint torques (J, 4) that exert each force component.
+    """
+    R = build_frame(-arm / np.sqrt(arm.dot(arm)))
+    columns, torques = np.zeros((6, 4)), np.zeros((J.shape[1], 4))
+    columns[:3, :3] = R
+    columns[3:, :3] = skew(arm) @ R
+    columns[3:, 3] = R[:, 2]
+    torques[:, :3] = (J[:3] - skew(offset) @ J[3:]).T @ R
+    torques[:, 3] = J[3:].T @ R[:, 2]
+    return columns, torques

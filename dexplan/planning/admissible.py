@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.grasp.force import ForceLimits, ForceSolver
+from dexplan.grasp.grasp import map_contact
 from dexplan.planning.hand import HandModel
 from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_jacobian, compute_tip_pose
-from dexplan.spatial import GRAVITY, Array, build_frame, skew
+from dexplan.spatial import GRAVITY, Array
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,25 @@ def worst(rows: list[Margins]) -> dict[str, float]:
     return {key: pick[key](d[key] for d in dicts) for key in dicts[0]}
 
 
+@dataclass(frozen=True, eq=False)
+class FingerState:
+    """One finger's posture with what follows from it: tip pose, Jacobian, room in the joints, distance to singularity."""
+
+    q: Array
+    X_WF: Array
+    J: Array
+    joint: float
+    dexterity: float
+
+
+def compute_finger_states(hand: HandModel, finger: int, q: Array) -> list[FingerState]:
+    """Return the states of ``finger`` at postures ``q`` (N, J) [rad]; one pass for all of them."""
+    chain = hand.fingers[finger].chain
+    X, J = compute_tip_pose(chain, q), compute_tip_jacobian(chain, q)
+    joint, dexterity = compute_joint_margin(chain, q), compute_dexterity(chain, q)
+    return [FingerState(*row) for row in zip(q, X, J, joint, dexterity, strict=True)]
+
+
 @dataclass(eq=False)
 class Admissibility:
     """Answers "can the hand carry this state?"; keeps one warm force solver per number of contacts."""
@@ -76,21 +96,34 @@ class Admissibility:
             landing: fingers on their way to or from a contact, which may be near the object.
             axis_W: unit axis about which the object is being accelerated, or None.
         """
+        states = {i: compute_finger_states(self.hand, i, q[i][None])[0] for i in holding}
+        return self.compute_margins_of(states, q, X_WO, landing, axis_W)
+
+    def compute_margins_of(
+        self,
+        states: dict[int, FingerState],
+        q: Array,
+        X_WO: Array,
+        landing: tuple[int, ...] = (),
+        axis_W: Array | None = None,
+    ) -> Margins:
+        """Return the same for holding fingers whose ``states`` are known already; ``q`` (F, J) holds them too."""
         hand, limits = self.hand, self.hand.limits
-        joint = min(float(compute_joint_margin(hand.fingers[i].chain, q[i])) for i in (*holding, *landing))
-        dexterity = min(float(compute_dexterity(hand.fingers[i].chain, q[i])) for i in holding)
+        holding = tuple(sorted(states))
+        joint = min(states[i].joint for i in holding)
+        dexterity = min(states[i].dexterity for i in holding)
         clearance, pair = hand.probe.compute_clearance(q, X_WO, (*holding, *landing))
-        load, torque, fault = self._compute_load(q, X_WO, holding, axis_W)
-        refusal = ""
+        load, torque, refusal = -np.inf, np.inf, ""
         if joint < limits.joint_margin:
             refusal = f"a joint comes within {np.degrees(joint):.1f} deg of its limit"
         elif dexterity < limits.dexterity:
             refusal = "a finger comes near a singular posture"
         elif clearance < limits.clearance:
             refusal = f"{pair} come within {1e3 * clearance:.1f} mm"
-        elif fault:
-            refusal = f"the contacts cannot carry the load ({fault})"
-        return Margins(joint, dexterity, load, torque, clearance, refusal)
+        else:
+            load, torque, fault = self._compute_load(states, q, X_WO, axis_W)
+            refusal = f"the contacts cannot carry the load ({fault})" if fault else ""
+        return Margins(float(joint), float(dexterity), load, torque, clearance, refusal)
 
     def compute_path_clearance(
         self, q: Array, X_WO: Array, free: int, path: Array, touching: tuple[int, ...]
@@ -106,48 +139,33 @@ class Admissibility:
         return float(best), pair
 
     def _compute_load(
-        self, q: Array, X_WO: Array, holding: tuple[int, ...], axis_W: Array | None
+        self, states: dict[int, FingerState], q: Array, X_WO: Array, axis_W: Array | None
     ) -> tuple[float, float, str]:
         """Return load margin, largest torque share and the fault of the force QP ("" where it is solved)."""
         hand, limits = self.hand, self.hand.limits
-        friction = hand.friction.scaled(limits.cone_share)
-        solver = self._solvers.get(len(holding))
+        holding = tuple(sorted(states))
+        n, joints = len(holding), hand.fingers[0].chain.n_joints
+        solver = self._solvers.get(n)
         if solver is None:
-            joints = hand.fingers[0].chain.n_joints
+            friction = hand.friction.scaled(limits.cone_share)
             length = float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
-            solver = ForceSolver([friction] * len(holding), joints, length=length)
-            self._solvers[len(holding)] = solver
+            solver = self._solvers[n] = ForceSolver([friction] * n, joints, length=length)
         R_WO, p_WO = X_WO[:3, :3], X_WO[:3, 3]
-        G = np.zeros((6, 4 * len(holding)))
-        joints = hand.fingers[0].chain.n_joints
-        maps = np.zeros((len(holding), joints, 4))
+        G, maps = np.zeros((6, 4 * n)), np.zeros((n, joints, 4))
         for k, i in enumerate(holding):
-            chain = hand.fingers[i].chain
-            X_WF = compute_tip_pose(chain, q[i])
-            arm_W = R_WO @ hand.object.surface.closest(R_WO.T @ (X_WF[:3, 3] - p_WO))
-            R_WC = build_frame(-arm_W / np.linalg.norm(arm_W))
-            G[:3, 4 * k : 4 * k + 3] = R_WC
-            G[3:, 4 * k : 4 * k + 3] = skew(arm_W) @ R_WC
-            G[3:, 4 * k + 3] = R_WC[:, 2]
-            J = compute_tip_jacobian(chain, q[i])
-            J_C = J[:3] - skew(p_WO + arm_W - X_WF[:3, 3]) @ J[3:]
-            maps[k, :, :3] = J_C.T @ R_WC
-            maps[k, :, 3] = J[3:].T @ R_WC[:, 2]
+            p_WF = states[i].X_WF[:3, 3]
+            arm_W = R_WO @ hand.object.surface.closest(R_WO.T @ (p_WF - p_WO))
+            G[:, 4 * k : 4 * k + 4], maps[k] = map_contact(states[i].J, arm_W, p_WO + arm_W - p_WF)
         wrench = np.array([0.0, 0.0, hand.object.mass * GRAVITY, 0.0, 0.0, 0.0])
         if axis_W is not None:
             wrench[3:] = R_WO @ hand.object.inertia @ R_WO.T @ (hand.acceleration * axis_W)
         bias = hand.probe.compute_gravity_torque(q)[list(holding)]
         torque_limit = np.stack([hand.fingers[i].torque_limit for i in holding])
         reach = limits.torque_share * torque_limit
-        n = len(holding)
-        force_limits = ForceLimits(
-            np.full(n, limits.normal_floor), np.full(n, limits.normal_ceiling), -reach, reach
-        )
-        solution = solver.solve(G, wrench, force_limits, np.full(n, hand.normal_force), maps, bias)
+        bounds = ForceLimits(np.full(n, limits.normal_floor), np.full(n, limits.normal_ceiling), -reach, reach)
+        solution = solver.solve(G, wrench, bounds, np.full(n, hand.normal_force), maps, bias)
         if not solution.is_solved:
             return -np.inf, np.inf, ", ".join(solution.faults) or solution.status
-        used = np.array([hand.friction.utilisation(f) for f in solution.forces])
+        used = max(float(hand.friction.utilisation(f)) for f in solution.forces)
         torque = bias + np.einsum("kjc,kc->kj", maps, solution.forces)
-        return 1.0 - float(used.max()), float((np.abs(torque) / torque_limit).max()), ""
-
-
+        return 1.0 - used, float((np.abs(torque) / torque_limit).max()), ""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.planning.admissible import Admissibility, Margins, worst
+from dexplan.planning.admissible import Admissibility, FingerState, Margins, compute_finger_states, worst
 from dexplan.planning.gaits import Step, build_actions
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
@@ -26,8 +26,8 @@ from dexplan.spatial import Array, build_frame, invert_pose, make_pose, rotate_a
 POLAR_SPACING = float(np.radians(5.0))
 SPREAD = 6
 """Placements tried per finger and partner."""
-EAGERNESS = 1.5
-"""How much more a turn still to be made counts than placements already spent (weighted A*)."""
+TURNS = (1.0, 0.9, 0.8, 0.65, 0.5, 0.3)
+"""Shares of the longest possible turn after which a substitution is tried."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,9 @@ class GaitSearch:
         self._orbits: list[Orbit] = []
         self._by_finger: dict[int, list[int]] = {}
         self._candidates: dict[int, tuple[Array, Array, Array, Array]] = {}
-        self._memo: dict[tuple[object, ...], Margins] = {}
+        self._memo: dict[tuple[tuple[int, int, int], ...], Margins] = {}
+        self._runs: dict[tuple[int, int], list[FingerState]] = {}
+        self._ways: dict[tuple[int, int, int], Array] = {}
         self.expanded = 0
         self.checked = 0
         self._refusals: dict[str, int] = {}
@@ -122,7 +124,7 @@ class GaitSearch:
 
     def posture(self, held: Held) -> Array:
         """Return the finger's posture (J,) where the contact is now."""
-        return carried_posture(self._hand, self._orbits[held.orbit], held.landed, held.steps, self._sense)
+        return self._state(held).q
 
     def object_pose(self, done: int) -> Array:
         """Return the object's pose (4, 4) after ``done`` stations of the turn; the last station ends at the goal exactly."""
@@ -143,19 +145,32 @@ class GaitSearch:
 
     def margins(self, held: tuple[Held, ...]) -> Margins:
         """Return the margins of holding the object with ``held``, all other fingers at home."""
-        key = tuple(sorted((h.orbit, (h.landed + self._sense * h.steps) % 180, round(float(self._orbits[h.orbit].spin[h.landed]), 3)) for h in held))
+        key = tuple(sorted(self._where(h) for h in held))
         if key not in self._memo:
             q = self._hand.q_home
-            for h in held:
-                q[h.finger] = self.posture(h)
+            states = {h.finger: self._state(h) for h in held}
+            for finger, state in states.items():
+                q[finger] = state.q
             self.checked += 1
             # A sphere is the same at any progress, so one check serves all.
             pose = make_pose(np.eye(3), self._goal.X_WO_start[:3, 3])
             axis = self._sense * self._goal.axis_W
-            self._memo[key] = self._admissibility.compute_margins(
-                q, pose, tuple(h.finger for h in held), axis_W=axis
-            )
+            self._memo[key] = self._admissibility.compute_margins_of(states, q, pose, axis_W=axis)
         return self._memo[key]
+
+    def _where(self, held: Held) -> tuple[int, int, int]:
+        """Return what decides a contact's posture: its orbit, where it landed (hence its spin), and where it is."""
+        return held.orbit, held.landed, held.steps
+
+    def _state(self, held: Held) -> FingerState:
+        """Return the finger's state; a whole run is computed at once when first asked for."""
+        run = self._runs.get((held.orbit, held.landed))
+        if run is None:
+            orbit = self._orbits[held.orbit]
+            stations = range(int(orbit.carry[held.landed]) + 1)
+            q = np.stack([carried_posture(self._hand, orbit, held.landed, k, self._sense) for k in stations])
+            run = self._runs[held.orbit, held.landed] = compute_finger_states(self._hand, held.finger, q)
+        return run[held.steps]
 
     def _walk(self, node: _Node) -> tuple[int, list[Margins]]:
         """Turn with the node's grasp as far as every sample is admissible; return stations and margins, and note the limit."""
@@ -203,11 +218,13 @@ class GaitSearch:
         self, q: Array, X_WO: Array, held: Held, holding: tuple[int, ...], done: int
     ) -> tuple[float, str]:
         """Return the clearance between a finger's home and its hover over ``held``; the approach itself is along the normal."""
-        hand = self._hand
-        finger, placement = hand.fingers[held.finger], self.placement(held, done)
-        hover = compute_hover(finger, X_WO, placement.X_OF, placement.normal_O, placement.q, hand.hover)
-        path = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
-        return self._admissibility.compute_path_clearance(q, X_WO, held.finger, path[::2], holding)
+        path = self._ways.get(self._where(held))
+        if path is None:
+            hand, finger, placement = self._hand, self._hand.fingers[held.finger], self.placement(held, done)
+            hover = compute_hover(finger, X_WO, placement.X_OF, placement.normal_O, placement.q, hand.hover)
+            path = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])[::2]
+            self._ways[self._where(held)] = path
+        return self._admissibility.compute_path_clearance(q, X_WO, held.finger, path, holding)
 
     # -- search ----------------------------------------------------------------------------------------------------------
 
@@ -215,9 +232,12 @@ class GaitSearch:
         """Search from the given grasps; return the goal node, or None and why."""
         heap: list[_Entry] = []
         serial = 0
-        longest = max((int(c[3].max()) for c in self._candidates.values() if len(c[3])), default=1)
+        runs = [c[3].mean() for c in self._candidates.values() if len(c[3])]
+        # What one placement is worth, in stations: about half of what a finger can carry a contact.  Not a bound: the search
+        # looks for a good gait soon rather than for the best one at last.
+        worth = max(1.0, 0.5 * float(np.mean(runs))) if runs else 1.0
         for held in starts:
-            heap.append(_Entry(self._rank(0, held, 0, longest), serial, _Node(0, held, 0)))
+            heap.append(_Entry(self._rank(0, held, 0, worth), serial, _Node(0, held, 0)))
             serial += 1
         heapq.heapify(heap)
         seen: set[tuple[object, ...]] = set()
@@ -246,23 +266,23 @@ class GaitSearch:
             if node.done + reach >= self._stations:
                 return node, ""
             for child in self._children(node, reach):
-                heapq.heappush(heap, _Entry(self._rank(child.done, child.held, child.placements, longest), serial, child))
+                heapq.heappush(heap, _Entry(self._rank(child.done, child.held, child.placements, worth), serial, child))
                 serial += 1
         if not budget_left:
             return None, f"the search stopped after {self._budget} nodes; raise gait.node_budget"
         common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
         return None, "; ".join(text for text, _ in common) or "no placement forms an admissible grasp with a holding finger"
 
-    def _rank(self, done: int, held: tuple[Held, ...], placements: int, longest: int) -> float:
+    def _rank(self, done: int, held: tuple[Held, ...], placements: int, worth: float) -> float:
         promised = min(self._stations, done + min(h.left for h in held))
         # Between equals, prefer contacts near opposite: small forces and room for error.
         first, second = self.normal(held[0]), self.normal(held[1])
         slack = float(np.arccos(np.clip(-first @ second, -1.0, 1.0))) / self._beta_max
-        return placements + EAGERNESS * (self._stations - promised) / longest + 0.15 * slack
+        return placements + (self._stations - promised) / worth + 0.15 * slack
 
     def _children(self, node: _Node, reach: int) -> list[_Node]:
         children = []
-        turns = sorted({reach, *(reach - d for d in (2, 5, 9) if reach - d > 0)}, reverse=True) if reach else [0]
+        turns = sorted({round(share * reach) for share in TURNS}, reverse=True)
         for turn in turns:
             held = tuple(_carry(h, turn) for h in node.held)
             taken = {h.finger for h in held}
