@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -39,8 +40,10 @@ def build_actions(steps: list[Step], start: tuple[Placement | None, ...], axis_W
     previous: Step | None = None
     for step in steps:
         still = {"X_WO_start": step.X_WO_start, "X_WO_end": step.X_WO_start, "axis_W": axis_W, "angle": 0.0}
-        if step.placed is not None and step.lifted is not None and previous is not None:
-            actions.extend(_substitute(contacts, step, previous, still))
+        if previous is not None and step.lifted is not None:
+            if step.placed is not None:
+                actions.append(_place(contacts, step, previous, still))
+            actions.append(_lift(contacts, step, previous, still))
         if step.angle != 0.0:
             actions.append(_move(contacts, step, axis_W))
         previous = step
@@ -49,40 +52,55 @@ def build_actions(steps: list[Step], start: tuple[Placement | None, ...], axis_W
     return tuple(actions)
 
 
-def _substitute(
-    contacts: list[Placement | None], step: Step, previous: Step, still: dict[str, object]
-) -> list[Action]:
-    """Finger substitution: the free finger forms a grasp with one of the two, then the other is lifted [paper §2.2]."""
+def _place(contacts: list[Placement | None], step: Step, previous: Step, still: dict[str, Any]) -> Action:
+    """First half of a finger substitution: the free finger forms a grasp with one of the two [paper §2.2]."""
     assert step.placed is not None
-    assert step.lifted is not None
-    finger, lifted = step.placed.finger, step.lifted
-    before = _holding(contacts)
-    limiting, limit = previous.limit
+    finger, before = step.placed.finger, _holding(contacts)
     partner = next(c.finger for c in step.contacts if c.finger != finger)
-    why = f"it forms a force-closure grasp with finger {partner + 1} and relieves finger {lifted + 1}"
     phases = [
         PlannedPhase("travel", _touch(contacts, {})),
         PlannedPhase("approach", _touch(contacts, {finger: MAY})),
     ]
     contacts[finger] = step.placed
     phases.append(PlannedPhase("load", _touch(contacts, {})))
-    place = Action(
-        "place", finger, before, contacts_end=tuple(contacts), phases=tuple(phases), why=why,
-        limiting_finger=limiting, limit=limit, margins=step.place_margins, **still,  # type: ignore[arg-type]
-    )  # fmt: skip
+    return Action(
+        kind="place",
+        finger=finger,
+        grasping=before,
+        contacts_end=tuple(contacts),
+        phases=tuple(phases),
+        why=f"it forms a force-closure grasp with finger {partner + 1}",
+        limiting_finger=previous.limit[0],
+        limit=previous.limit[1],
+        margins=step.place_margins,
+        **still,
+    )
+
+
+def _lift(contacts: list[Placement | None], step: Step, previous: Step, still: dict[str, Any]) -> Action:
+    """Second half: the finger that is no longer needed goes home."""
+    assert step.lifted is not None
+    limiting, limit = previous.limit
+    ended = f"finger {limiting + 1} came to {limit}" if limiting is not None else limit
+    stands_in = "" if step.placed is None else f"finger {step.placed.finger + 1} stands in for it; "
     phases = [PlannedPhase("unload", _touch(contacts, {}))]
-    contacts[lifted] = None
+    contacts[step.lifted] = None
     phases += [
-        PlannedPhase("retreat", _touch(contacts, {lifted: MAY})),
+        PlannedPhase("retreat", _touch(contacts, {step.lifted: MAY})),
         PlannedPhase("travel", _touch(contacts, {})),
     ]
-    ended = f"finger {limiting + 1} came to {limit}" if limiting is not None else limit
-    lift = Action(
-        "lift", lifted, _holding(contacts), contacts_end=tuple(contacts), phases=tuple(phases),
-        why=f"finger {finger + 1} stands in for it ({ended})", limiting_finger=limiting, limit=limit,
-        margins=step.place_margins, **still,  # type: ignore[arg-type]
-    )  # fmt: skip
-    return [place, lift]
+    return Action(
+        kind="lift",
+        finger=step.lifted,
+        grasping=_holding(contacts),
+        contacts_end=tuple(contacts),
+        phases=tuple(phases),
+        why=f"{stands_in}{ended}",
+        limiting_finger=limiting,
+        limit=limit,
+        margins=step.place_margins,
+        **still,
+    )
 
 
 def _move(contacts: list[Placement | None], step: Step, axis_W: Array) -> Action:
@@ -105,10 +123,10 @@ def _move(contacts: list[Placement | None], step: Step, axis_W: Array) -> Action
     )
 
 
-def _hold(contacts: list[Placement | None], still: dict[str, object], why: str) -> Action:
+def _hold(contacts: list[Placement | None], still: dict[str, Any], why: str) -> Action:
     phase = PlannedPhase("hold", _touch(contacts, {}))
     return Action(
-        "hold", None, _holding(contacts), contacts_end=tuple(contacts), phases=(phase,), why=why, **still  # type: ignore[arg-type]
+        "hold", None, _holding(contacts), contacts_end=tuple(contacts), phases=(phase,), why=why, **still
     )
 
 

@@ -31,7 +31,7 @@ class AdmissibleLimits:
 
     joint_margin: float = float(np.radians(5.0))
     """Distance of every joint to its limits [rad]."""
-    dexterity: float = 0.10
+    dexterity: float = 0.25
     """Smallest singular value of a loaded finger's Jacobian, lengths in 60 mm: away from singular postures."""
     cone_share: float = 1.0
     """Share of the believed friction cone that planned forces may use.  The pyramid inscribed in the cone keeps 6 to 9 % back by

@@ -123,7 +123,7 @@ def _solve(
         lower, upper = description.chain.lower[: fixed.shape[1]], description.chain.upper[: fixed.shape[1]]
         room = np.minimum(fixed - lower, upper - fixed)
         inside = room.min(axis=1) >= limits.joint_margin
-        away = compute_dexterity(description.chain, solved) >= 1.2 * limits.dexterity
+        away = compute_dexterity(description.chain, solved) >= limits.dexterity
         q[near], ok[near] = solved, reached & inside & away
         texts = np.array([f"the limit of {name.split('/')[-1]}" for name in description.joint_names], dtype=object)
         why = np.where(away, texts[room.argmin(axis=1)], "a singular posture")
@@ -138,31 +138,32 @@ def _measure_runs(
     chain = hand.fingers[finger].chain
     room = float(chain.upper[-1] - chain.lower[-1]) - 2.0 * hand.limits.joint_margin
     middle = 0.5 * float(chain.upper[-1] + chain.lower[-1])
-    carry = np.zeros(STATIONS, dtype=np.intp)
-    spin = np.zeros(STATIONS)
-    limit = [""] * STATIONS
-    roll = q[:, -1]
+    carry, spin, limit = np.zeros(STATIONS, dtype=np.intp), np.zeros(STATIONS), [""] * STATIONS
+    # What the step from each station to the next one asks: is it continuous, and how far does the last joint turn?
+    step = np.roll(q, -sense, axis=0) - q
+    joined = (np.abs(step[:, :-1]) <= _JUMP).all(axis=1)
+    turn = step[:, -1] - 2.0 * np.pi * np.round(step[:, -1] / (2.0 * np.pi))
+    reached, joined_list, turn_list = ok.tolist(), joined.tolist(), turn.tolist()
+    rolls = chain.has_tip_roll
     for k in np.flatnonzero(ok):
-        low = high = value = float(roll[k])
-        here, count = int(k), 0
-        limit[k] = "a whole turn"
+        value = low = high = float(q[k, -1])
+        here, count, end = int(k), 0, "a whole turn"
         while count < STATIONS - 1:
             there = (here + sense) % STATIONS
-            if not ok[there]:
-                limit[k] = why[there]
+            if not reached[there]:
+                end = why[there]
                 break
-            if np.abs(q[there, :-1] - q[here, :-1]).max() > _JUMP:
-                limit[k] = "a singular posture"
+            if not joined_list[here]:
+                end = "a singular posture"
                 break
-            delta = float(roll[there] - roll[here])
-            value += delta - 2.0 * np.pi * round(delta / (2.0 * np.pi))
+            value += turn_list[here]
             if max(high, value) - min(low, value) > room:
-                limit[k] = "the limit of its last joint"
+                end = "the limit of its last joint"
                 break
             low, high = min(low, value), max(high, value)
             here, count = there, count + 1
-        carry[k] = count
-        if chain.has_tip_roll:
+        carry[k], limit[k] = count, end
+        if rolls:
             spin[k] = chain.roll_sign * (middle - 0.5 * (low + high))
     return carry, spin, tuple(limit)
 

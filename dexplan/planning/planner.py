@@ -9,6 +9,7 @@ through it.  Nothing here knows how many fingers there are, where they stand, or
 from __future__ import annotations
 
 import heapq
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,7 +19,7 @@ from dexplan.planning.gaits import Step, build_actions
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.orbits import STEP, Orbit, build_orbits, carried_posture
-from dexplan.planning.plan import SOLVED, Placement, Plan
+from dexplan.planning.plan import SOLVED, Action, Placement, Plan
 from dexplan.planning.regions import compute_pair_angle_max, keeps_order
 from dexplan.planning.travel import build_travel, compute_hover
 from dexplan.spatial import Array, build_frame, invert_pose, make_pose, rotate_about
@@ -28,6 +29,11 @@ SPREAD = 6
 """Placements tried per finger and partner."""
 TURNS = (1.0, 0.9, 0.8, 0.65, 0.5, 0.3)
 """Shares of the longest possible turn after which a substitution is tried."""
+STRIDE = 4
+"""While searching, motions are checked at every so many stations."""
+GREED = 3.0
+"""How much more a turn still to be made counts than placements already spent.  One placement is taken to be worth half of what
+a finger can carry a contact; above 1 the search looks for a good gait soon rather than for the best one at last."""
 
 
 @dataclass(frozen=True)
@@ -172,28 +178,45 @@ class GaitSearch:
             run = self._runs[held.orbit, held.landed] = compute_finger_states(self._hand, held.finger, q)
         return run[held.steps]
 
-    def _walk(self, node: _Node) -> tuple[int, list[Margins]]:
-        """Turn with the node's grasp as far as every sample is admissible; return stations and margins, and note the limit."""
-        rows: list[Margins] = []
+    def _walk(self, node: _Node) -> int:
+        """Return how many stations the node's grasp can turn the object (-1: it cannot hold it), and note what ends it.
+
+        While searching every ``STRIDE``-th station is checked, and the last; the way that is found is checked at all of them.
+        """
         limiter = min(node.held, key=lambda h: h.left)
         furthest = min(limiter.left, self._stations - node.done)
-        for k in range(furthest + 1):
+        last = -1
+        for k in sorted({*range(0, furthest, STRIDE), furthest}):
             row = self.margins(tuple(_carry(h, k) for h in node.held))
             if not row.is_admissible:
                 node.limit = (None, row.refusal)
-                return k - 1, rows
-            rows.append(row)
+                return last
+            last = k
         if furthest == limiter.left:
             node.limit = (limiter.finger, self._orbits[limiter.orbit].limit[limiter.landed])
         else:
             node.limit = (None, "the goal")
-        return furthest, rows
+        return furthest
+
+    def _check_finely(self, goal: _Node) -> str:
+        """Check every station of the way to ``goal``; note the margins and return the first refusal, "" if there is none."""
+        way = _trace_back(goal)
+        for here, turn in zip(way, self._turns(way), strict=True):
+            rows = [self.margins(tuple(_carry(h, k) for h in here.held)) for k in range(turn + 1)]
+            here.margins = worst(rows)
+            refused = next((row.refusal for row in rows if not row.is_admissible), "")
+            if refused:
+                return refused
+        return ""
+
+    def _turns(self, way: list[_Node]) -> list[int]:
+        """Return the stations turned with the grasp of each node of a way, the last one turning to the goal."""
+        return [*(n.moved for n in way[1:]), self._stations - way[-1].done]
 
     def _check_arrival(self, node: _Node) -> str:
         """Return why the substitution that leads to ``node`` cannot be done, "" if it can."""
-        assert node.placed is not None
         assert node.lifted is not None
-        before = tuple(h for h in node.held if h is not node.placed) + (node.lifted,)
+        before = (*(h for h in node.held if h is not node.placed), node.lifted)
         pair = self.margins(node.held)
         if not pair.is_admissible:
             return pair.refusal
@@ -201,12 +224,12 @@ class GaitSearch:
         for h in before:
             q[h.finger] = self.posture(h)
         X_WO = self.object_pose(node.done)
-        clearances = [
-            self._check_way(q, X_WO, node.placed, tuple(h.finger for h in before), node.done),
-        ]
-        q[node.placed.finger] = self.posture(node.placed)
-        everyone = tuple(h.finger for h in (*before, node.placed))
-        clearances.append(self._hand.probe.compute_clearance(q, X_WO, everyone))
+        clearances = []
+        if node.placed is not None:
+            clearances.append(self._check_way(q, X_WO, node.placed, tuple(h.finger for h in before), node.done))
+            q[node.placed.finger] = self.posture(node.placed)
+            everyone = tuple(h.finger for h in (*before, node.placed))
+            clearances.append(self._hand.probe.compute_clearance(q, X_WO, everyone))
         clearances.append(self._check_way(q, X_WO, node.lifted, tuple(h.finger for h in node.held), node.done))
         least, names = min(clearances)
         node.place_margins = {**pair.as_dict(), "clearance_mm": 1e3 * min(least, pair.clearance)}
@@ -228,13 +251,11 @@ class GaitSearch:
 
     # -- search ----------------------------------------------------------------------------------------------------------
 
-    def run(self, starts: list[tuple[Held, ...]]) -> tuple[_Node | None, str]:
-        """Search from the given grasps; return the goal node, or None and why."""
+    def run(self, starts: list[tuple[Held, ...]]) -> tuple[_Node | None, str, str]:
+        """Search from the given grasps; return the goal node, or None with a status and why."""
         heap: list[_Entry] = []
         serial = 0
-        runs = [c[3].mean() for c in self._candidates.values() if len(c[3])]
-        # What one placement is worth, in stations: about half of what a finger can carry a contact.  Not a bound: the search
-        # looks for a good gait soon rather than for the best one at last.
+        runs = [np.percentile(c[3], 90) for c in self._candidates.values() if len(c[3])]
         worth = max(1.0, 0.5 * float(np.mean(runs))) if runs else 1.0
         for held in starts:
             heap.append(_Entry(self._rank(0, held, 0, worth), serial, _Node(0, held, 0)))
@@ -247,49 +268,59 @@ class GaitSearch:
             key = (node.done // 2, frozenset((h.finger, h.orbit, (h.landed + self._sense * h.steps) // 2) for h in node.held))
             if key in seen:
                 continue
-            if node.placed is not None:
+            if node.lifted is not None:
                 refusal = self._check_arrival(node)
                 if refusal:
-                    self._refusals[refusal] = self._refusals.get(refusal, 0) + 1
+                    self._refuse(refusal)
                     continue
             seen.add(key)
             self.expanded += 1
             if self.expanded > self._budget:
                 budget_left = False
                 break
-            reach, rows = self._walk(node)
+            node.reach = reach = self._walk(node)
             if reach < 0:
-                refusal = node.limit[1]
-                self._refusals[refusal] = self._refusals.get(refusal, 0) + 1
+                self._refuse(node.limit[1])
                 continue
-            node.reach, node.margins = reach, worst(rows)
             if node.done + reach >= self._stations:
-                return node, ""
+                refusal = self._check_finely(node)
+                if not refusal:
+                    return node, SOLVED, ""
+                self._refuse(refusal)
+                continue
             for child in self._children(node, reach):
                 heapq.heappush(heap, _Entry(self._rank(child.done, child.held, child.placements, worth), serial, child))
                 serial += 1
-        if not budget_left:
-            return None, f"the search stopped after {self._budget} nodes; raise gait.node_budget"
         common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
-        return None, "; ".join(text for text, _ in common) or "no placement forms an admissible grasp with a holding finger"
+        refusals = "; ".join(text for text, _ in common) or "no placement forms an admissible grasp with a holding finger"
+        if not budget_left:
+            return None, "budget_exhausted", f"no gait within {self._budget} nodes ({refusals}); raise gait.node_budget"
+        return None, "no_gait", f"{refusals}; {_CURE}"
+
+    def _refuse(self, refusal: str) -> None:
+        """Count a refusal; distances differ from state to state, so they are left out of the text."""
+        text = re.sub(r" within -?[0-9.]+ mm", "", refusal)
+        self._refusals[text] = self._refusals.get(text, 0) + 1
 
     def _rank(self, done: int, held: tuple[Held, ...], placements: int, worth: float) -> float:
-        promised = min(self._stations, done + min(h.left for h in held))
+        # A turn ends when one contact is used up; what the other has left then serves the next turn, about half of it.
+        promised = min(self._stations, done + float(np.mean([h.left for h in held])))
         # Between equals, prefer contacts near opposite: small forces and room for error.
-        first, second = self.normal(held[0]), self.normal(held[1])
-        slack = float(np.arccos(np.clip(-first @ second, -1.0, 1.0))) / self._beta_max
-        return placements + (self._stations - promised) / worth + 0.15 * slack
+        slack = 2.0 * self._beta(held) / self._beta_max
+        return placements + GREED * (self._stations - promised) / worth + 0.3 * slack
 
     def _children(self, node: _Node, reach: int) -> list[_Node]:
         children = []
         turns = sorted({round(share * reach) for share in TURNS}, reverse=True)
         for turn in turns:
             held = tuple(_carry(h, turn) for h in node.held)
+            if len(held) > 2:
+                children.extend(self._release(node, turn, held))
             taken = {h.finger for h in held}
             for finger in self._candidates:
                 if finger in taken:
                     continue
-                for keep in held:
+                for keep in held if len(held) == 2 else ():
                     drop = tuple(h for h in held if h is not keep)
                     for landing in self._landings(finger, keep, held):
                         child = _Node(
@@ -297,6 +328,15 @@ class GaitSearch:
                         )
                         children.append(child)
         return children
+
+    def _release(self, node: _Node, turn: int, held: tuple[Held, ...]) -> list[_Node]:
+        """Return the children that lift one of more than two fingers and hold on with the others."""
+        groups = [(h, tuple(other for other in held if other is not h)) for h in held]
+        return [
+            _Node(node.done + turn, rest, node.placements, node, turn, None, lifted)
+            for lifted, rest in groups
+            if self.has_pair(rest)
+        ]
 
     def _landings(self, finger: int, keep: Held, held: tuple[Held, ...]) -> list[Held]:
         """Return the most promising placements of a free ``finger`` that hold with ``keep`` and clear everyone."""
@@ -334,14 +374,20 @@ class GaitSearch:
         radius = self._hand.fingers[finger].tip_radius
         return self._hand.object.surface.closest(normals) + radius * normals
 
-    def start_pairs(self, held: list[Held | None]) -> list[tuple[Held, ...]]:
-        """Return the pairs among the start contacts that hold geometrically, best first."""
-        own = [h for h in held if h is not None]
-        pairs = [(a, b) for i, a in enumerate(own) for b in own[i + 1 :]]
-        return [p for p in pairs if self._beta(p) < self._beta_max]
+    def has_pair(self, held: tuple[Held, ...]) -> bool:
+        """Return whether two of the contacts are force closed with the believed friction."""
+        return self._beta(held) < self._beta_max
 
-    def _beta(self, pair: tuple[Held, ...]) -> float:
-        return 0.5 * float(np.arccos(np.clip(-self.normal(pair[0]) @ self.normal(pair[1]), -1.0, 1.0)))
+    def needed_angle(self) -> str:
+        """Return in words what two contacts need for force closure."""
+        angle = np.degrees(np.pi - 2.0 * self._beta_max)
+        return f"{angle:.1f} deg or more apart, as force closure with the believed friction needs"
+
+    def _beta(self, held: tuple[Held, ...]) -> float:
+        """Return the smallest angle [rad] between normals and chord over the pairs of contacts."""
+        normals = np.stack([self.normal(h) for h in held])
+        opposite = -(normals @ normals.T)[np.triu_indices(len(held), 1)]
+        return 0.5 * float(np.arccos(np.clip(opposite.max(), -1.0, 1.0)))
 
     def automatic_pairs(self, count: int = 24) -> list[tuple[Held, ...]]:
         """Return pairs to start from where the problem leaves it to the planner: long runs, nearly opposite contacts."""
@@ -363,15 +409,11 @@ class GaitSearch:
 
     def steps(self, node: _Node) -> list[Step]:
         """Return the way to ``node`` and on to the goal as symbolic steps."""
-        chain: list[_Node] = []
-        cursor: _Node | None = node
-        while cursor is not None:
-            chain.append(cursor)
-            cursor = cursor.parent
-        chain.reverse()
+        chain = _trace_back(node)
+        turns = self._turns(chain)
         steps: list[Step] = []
         for k, here in enumerate(chain):
-            turn = chain[k + 1].moved if k + 1 < len(chain) else self._stations - here.done
+            turn = turns[k]
             contacts = tuple(self.placement(h, here.done) for h in here.held)
             placed = None if here.placed is None else self.placement(here.placed, here.done)
             lifted = None if here.lifted is None else here.lifted.finger
@@ -392,8 +434,52 @@ class GaitSearch:
         return steps
 
 
+_CURE = "raise the friction, lower friction.safety, or use a lighter object"
+
+
+def _trace_back(node: _Node) -> list[_Node]:
+    """Return the nodes from the start to ``node``."""
+    way = [node]
+    while way[-1].parent is not None:
+        way.append(way[-1].parent)
+    return way[::-1]
+
+
 def _carry(held: Held, steps: int) -> Held:
     return Held(held.finger, held.orbit, held.landed, held.steps + steps, held.left - steps)
+
+
+def refuse(
+    hand: HandModel, goal: RotationGoal, status: str, reason: str, contacts: tuple[Placement | None, ...] | None = None
+) -> Plan:
+    """Return the plan that says why there is none."""
+    nothing: tuple[Placement | None, ...] = (None,) * len(hand.fingers)
+    return _answer(hand, goal, status, reason, contacts or nothing, (), {})
+
+
+def _answer(
+    hand: HandModel,
+    goal: RotationGoal,
+    status: str,
+    reason: str,
+    contacts: tuple[Placement | None, ...],
+    actions: tuple[Action, ...],
+    statistics: dict[str, float],
+) -> Plan:
+    return Plan(
+        status=status,
+        reason=reason,
+        fingers=tuple(f.name for f in hand.fingers),
+        goal_kind="object_manipulation",
+        X_WO_start=goal.X_WO_start,
+        X_WO_goal=goal.X_WO_goal,
+        axis_W=goal.axis_W,
+        turned_angle=goal.angle,
+        start_contacts=contacts,
+        actions=actions,
+        normal_force=hand.normal_force,
+        statistics=statistics,
+    )
 
 
 def plan_rotation(
@@ -404,65 +490,42 @@ def plan_rotation(
     ``start`` holds the outward normals (3,) in W where the fingers touch at first, None for a free finger; or is None where
     the planner may choose.  No plan is an answer with a status, not an exception.
     """
-    names = tuple(f.name for f in hand.fingers)
     search = GaitSearch(hand, goal, node_budget)
-    held = search.prepare(start if start is not None else (None,) * len(names))
-
-    def answer(status: str, reason: str, contacts: tuple[Placement | None, ...], actions: tuple = ()) -> Plan:
-        return Plan(
-            status,
-            reason,
-            names,
-            "object_manipulation",
-            goal.X_WO_start,
-            goal.X_WO_goal,
-            goal.axis_W,
-            goal.angle,
-            contacts,
-            tuple(actions),
-            hand.normal_force,
-            {"nodes": search.expanded, "states_checked": search.checked},
-        )
-
-    nothing: tuple[Placement | None, ...] = (None,) * len(names)
-    if start is not None:
+    held = search.prepare(start if start is not None else (None,) * len(hand.fingers))
+    contacts: tuple[Placement | None, ...] = (None,) * len(hand.fingers)
+    if start is None:
+        grasps = search.automatic_pairs()
+        if not grasps:
+            return refuse(hand, goal, "no_force_closure_pair", f"no two fingers reach contacts {search.needed_angle()}; {_CURE}")
+    else:
         for finger, normal in enumerate(start):
             if normal is not None and held[finger] is None:
-                return answer(
+                return refuse(
+                    hand,
+                    goal,
                     "start_unreachable",
-                    f"{names[finger]} cannot hold its start contact: it lies outside its workspace or against a joint limit; "
-                    "move the contact towards the finger or give contacts_deg = \"auto\"",
-                    nothing,
+                    f"{hand.fingers[finger].name} cannot hold its start contact: it lies outside the finger's workspace or against "
+                    'a joint limit; move the contact towards the finger, or set start.contacts_deg = "auto"',
                 )
         contacts = tuple(None if h is None else search.placement(h, 0) for h in held)
-        pairs = search.start_pairs(held)
-        if not pairs:
-            return answer(
+        touching = tuple(h for h in held if h is not None)
+        grasps = [touching]
+        if not search.has_pair(touching):
+            return refuse(
+                hand,
+                goal,
                 "no_admissible_pair",
-                "no two of the start contacts are force closed with the believed friction "
-                f"(pairs need {np.degrees(np.pi - 2 * search._beta_max):.1f} deg or more between them); the plan would have to begin "
-                "with rolling, which is not built yet; move two contacts apart or raise the friction",
+                f"no two of the start contacts are {search.needed_angle()}, so no finger can be lifted; the plan would have to "
+                f"begin with rolling, which is not built yet; move two contacts apart, or {_CURE}",
                 contacts,
             )
-        touching = tuple(h for h in held if h is not None)
-        if len(touching) > 2:
-            return answer("no_admissible_pair", "a start with more than two contacts", contacts)
-    else:
-        contacts = nothing
-        pairs = search.automatic_pairs()
-        if not pairs:
-            return answer(
-                "no_force_closure_pair",
-                "no two fingers reach contacts that are force closed with the believed friction; raise the friction or "
-                "the hand's reach",
-                nothing,
-            )
-    node, why = search.run(pairs)
+    node, status, why = search.run(grasps)
+    statistics = {"nodes": search.expanded, "states_checked": search.checked}
     if node is None:
-        status = "budget_exhausted" if "gait.node_budget" in why else "no_gait"
-        return answer(status, why, contacts)
+        return _answer(hand, goal, status, why, contacts, (), statistics)
     steps = search.steps(node)
-    first: list[Placement | None] = [None] * len(names)
+    first: list[Placement | None] = [None] * len(hand.fingers)
     for placement in steps[0].contacts:
         first[placement.finger] = placement
-    return answer(SOLVED, "", tuple(first), build_actions(steps, tuple(first), goal.axis_W))
+    actions = build_actions(steps, tuple(first), goal.axis_W)
+    return _answer(hand, goal, SOLVED, "", tuple(first), actions, statistics)

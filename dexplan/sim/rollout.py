@@ -29,25 +29,28 @@ def rollout(
     reference: Reference,
     options: ControlOptions,
     *,
+    world: Scene | None = None,
     X_WO_start: Array | None = None,
     meta: Mapping[str, Any] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trace:
     """Run ``reference`` on ``scene`` and return the trace; a run that fails returns the trace so far.
 
+    ``scene`` is what the controller believes; ``world`` what is true, where that differs (same hand, other friction or mass).
     ``X_WO_start`` (4, 4) is the object's true pose at the start (default: its home); ``progress`` is called with the share
     done.  A failure (object lost, finger that finds nothing) stands in the trace's ``meta["failure"]``.
     """
+    believed, scene = scene, world or scene
     model = scene.model
     steps = round(TICK / model.opt.timestep)
     data, probe = mujoco.MjData(model), mujoco.MjData(model)
     X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
-    _set_start(scene, reference, options, X_WO, data)
+    _set_start(scene, believed, reference, options, X_WO, data)
     size = mujoco.mj_stateSize(model, STATE)
     state = np.zeros(size)
     mujoco.mj_getState(model, data, state, STATE)
     initial_state = state.copy()
-    controller = Controller(scene, reference, options)
+    controller = Controller(believed, reference, options)
     rows: dict[str, list[Any]] = {name: [] for name in _COLUMNS}
     planned = max(reference.duration, TICK)
     failure: str | None = None
@@ -100,7 +103,7 @@ _COLUMNS = (
 
 
 def _set_start(
-    scene: Scene, reference: Reference, options: ControlOptions, X_WO: Array, data: mujoco.MjData
+    scene: Scene, believed: Scene, reference: Reference, options: ControlOptions, X_WO: Array, data: mujoco.MjData
 ) -> None:
     """Put the tips in contact where the reference starts, as deep as the first wanted forces press them; others at home.
 
@@ -111,7 +114,7 @@ def _set_start(
     for _ in range(4):
         data.qpos[:] = scene.as_qpos(_start_posture(scene, reference, X_WO, depth), X_WO)
         mujoco.mj_forward(scene.model, data)
-        wanted = Controller(scene, reference, options).step(_observe(scene, data)).forces_W
+        wanted = Controller(believed, reference, options).step(_observe(scene, data)).forces_W
         surface_normals = {i: _inward_normal(scene, data, i) for i in touching}
         for i in touching:
             static = compute_static_normal_force(scene, data, i)

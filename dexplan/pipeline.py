@@ -1,0 +1,183 @@
+"""The five verbs: from a problem to a plan, a trace, a judgement and a film.  Each is a thin line between rooms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from dexplan.contact.friction import SoftFinger
+from dexplan.control.controller import ControlOptions
+from dexplan.control.reference import Timing, build_reference
+from dexplan.planning.goal import RotationGoal
+from dexplan.planning.hand import AdmissibleLimits, HandModel
+from dexplan.planning.plan import Plan
+from dexplan.planning.planner import plan_rotation, refuse
+from dexplan.problems.problem import Problem, compute_contact_directions
+from dexplan.scene.description import Obstacle, SceneParameters
+from dexplan.scene.library import load_scene_with
+from dexplan.scene.probe import HandProbe
+from dexplan.scene.scene import Scene
+from dexplan.scene.workspace import load_workspace
+from dexplan.sim import rollout as _rollout
+from dexplan.sim.trace import Trace
+from dexplan.sim.validate import ValidationReport, validate_run
+from dexplan.spatial import Array, as_pose
+
+NORMAL_FORCE = 5.0
+"""Normal force that a loaded contact aims at [N]; the force QP raises it where the load asks for more."""
+
+
+def build_scene(problem: Problem) -> Scene:
+    """Return the scene of ``problem``."""
+    return load_scene_with(
+        SceneParameters(
+            scene=problem.scene,
+            object_radius=problem.object.radius_m,
+            object_mass=problem.object.mass_kg,
+            tip_radii=problem.hand.tip_radii_m,
+            base_azimuths_deg=problem.hand.base_azimuths_deg,
+            joint_ranges_deg=tuple((key, *limits) for key, limits in sorted(problem.hand.joint_ranges_deg.items())),
+            sliding_friction=problem.friction.sliding,
+            torsional_friction=problem.friction.torsional_m,
+            physics_profile=problem.control.physics_profile,
+            obstacles=tuple(Obstacle(o.kind, o.pos_m, o.size_m) for o in problem.obstacles),
+        )
+    )
+
+
+def build_hand(problem: Problem, scene: Scene) -> HandModel:
+    """Return what the planner may know of ``scene``, with the friction that ``problem`` believes in."""
+    center = scene.object.X_WO_home[:3, 3]
+    timing = build_timing(problem)
+    return HandModel(
+        fingers=scene.fingers,
+        object=scene.object,
+        workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
+        friction=SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m),
+        probe=HandProbe(scene),
+        limits=AdmissibleLimits(),
+        normal_force=NORMAL_FORCE,
+        hover=timing.hover,
+        acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
+    )
+
+
+def build_timing(problem: Problem) -> Timing:
+    """Return the timing that the problem's speed asks for."""
+    return Timing(object_speed=float(np.radians(problem.control.speed_deg_s)))
+
+
+def plan(problem: Problem) -> Plan:
+    """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
+    scene = build_scene(problem)
+    hand = build_hand(problem, scene)
+    X_WO = scene.object.X_WO_home
+    goal_section = problem.goal
+    if goal_section.rotation is not None:
+        rotation = goal_section.rotation
+        goal = RotationGoal(X_WO, np.array(rotation.axis), float(np.radians(rotation.angle_deg)))
+    elif goal_section.orientation_wxyz is not None:
+        attitude = as_pose([0.0, 0.0, 0.0, *goal_section.orientation_wxyz])[:3, :3]
+        goal = RotationGoal.from_attitude(X_WO, attitude)
+    else:
+        goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0)
+    if goal_section.kind != "object_manipulation":
+        return refuse(hand, goal, "goal_not_supported", f"goal.kind {goal_section.kind} is not built yet; object_manipulation is")
+    if np.any(goal_section.translation_m):
+        return refuse(hand, goal, "goal_not_supported", "goal.translation_m is not built yet; leave it at zero")
+    if "substitution" not in problem.gait.primitives:
+        return refuse(
+            hand, goal, "gait_not_supported", 'only finger substitution is built yet; add "substitution" to gait.primitives'
+        )
+    start = None if problem.start.is_auto else compute_contact_directions(problem.start.contacts_deg)  # type: ignore[arg-type]
+    return plan_rotation(hand, goal, start, problem.gait.node_budget)
+
+
+def rollout(
+    problem: Problem,
+    plan: Plan,
+    *,
+    seed: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    options: ControlOptions | None = None,
+    true_scene: Scene | None = None,
+    X_WO_start: Array | None = None,
+) -> Trace:
+    """Run ``plan`` in MuJoCo, closed loop; a failure still returns the trace so far.
+
+    ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
+    and controller believe (uncertainty).
+    """
+    scene = build_scene(problem)
+    reference = build_reference(plan, scene.fingers, build_timing(problem))
+    return _rollout.rollout(
+        scene,
+        reference,
+        options or build_options(problem),
+        world=true_scene or scene,
+        X_WO_start=X_WO_start,
+        meta={"problem": problem.name, "seed": problem.seed if seed is None else seed},
+        progress=progress,
+    )
+
+
+def build_options(problem: Problem, **changes: float) -> ControlOptions:
+    """Return the controller's options for ``problem``, with ``changes`` of single fields."""
+    options = ControlOptions(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
+    return replace(options, **changes)  # type: ignore[arg-type]
+
+
+def validate(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
+    """Judge a run by replaying it; uses problem and plan as data only."""
+    return validate_run(problem.as_dict(), plan.as_dict(), trace)
+
+
+def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
+    """Film a trace offscreen, in a process of its own.  Raises RenderError where no renderer can be started."""
+    from dexplan.viz.video import render_video
+
+    render_video(trace, plan, Path(path))
+
+
+def render_run(folder: str | Path) -> None:
+    """Film a saved run: writes ``video.mp4`` into its folder."""
+    from dexplan.viz.video import render_run as film
+
+    film(Path(folder))
+
+
+def save_run(folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport) -> None:
+    """Write the run folder: problem, plan, model, trace, report and the summary figure."""
+    from dexplan.viz.figure import draw_summary
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    problem.save(folder / "problem.toml")
+    plan.save(folder / "plan.json")
+    partial = folder / ".model.xml.partial"
+    partial.write_text(trace.model_xml, encoding="utf-8")
+    partial.replace(folder / "model.xml")
+    trace.save(folder / "trace.npz")
+    report.save(folder / "report.json")
+    draw_summary(problem.as_dict(), plan, trace, report, folder / "summary.png")
+
+
+def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
+    """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else."""
+    folder = Path(folder)
+    return Problem.load(folder / "problem.toml"), Plan.load(folder / "plan.json"), Trace.load(folder / "trace.npz")
+
+
+def inspect(problem: Problem, folder: str | Path) -> str:
+    """Draw what the hand can do in ``problem`` into ``folder`` and return the numbers as text."""
+    from dexplan.viz.maps import describe_reach, draw_reach
+
+    scene = build_scene(problem)
+    hand = build_hand(problem, scene)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    draw_reach(hand, folder / "inspect.png")
+    return describe_reach(hand)
