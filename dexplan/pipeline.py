@@ -39,7 +39,9 @@ def build_scene(problem: Problem) -> Scene:
             object_mass=problem.object.mass_kg,
             tip_radii=problem.hand.tip_radii_m,
             base_azimuths_deg=problem.hand.base_azimuths_deg,
-            joint_ranges_deg=tuple((key, *limits) for key, limits in sorted(problem.hand.joint_ranges_deg.items())),
+            joint_ranges_deg=tuple(
+                (key, *limits) for key, limits in sorted(problem.hand.joint_ranges_deg.items())
+            ),
             sliding_friction=problem.friction.sliding,
             torsional_friction=problem.friction.torsional_m,
             physics_profile=problem.control.physics_profile,
@@ -85,12 +87,22 @@ def plan(problem: Problem) -> Plan:
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0)
     if goal_section.kind != "object_manipulation":
-        return refuse(hand, goal, "goal_not_supported", f"goal.kind {goal_section.kind} is not built yet; object_manipulation is")
+        return refuse(
+            hand,
+            goal,
+            "goal_not_supported",
+            f"goal.kind {goal_section.kind} is not built yet; object_manipulation is",
+        )
     if np.any(goal_section.translation_m):
-        return refuse(hand, goal, "goal_not_supported", "goal.translation_m is not built yet; leave it at zero")
+        return refuse(
+            hand, goal, "goal_not_supported", "goal.translation_m is not built yet; leave it at zero"
+        )
     if "substitution" not in problem.gait.primitives:
         return refuse(
-            hand, goal, "gait_not_supported", 'only finger substitution is built yet; add "substitution" to gait.primitives'
+            hand,
+            goal,
+            "gait_not_supported",
+            'only finger substitution is built yet; add "substitution" to gait.primitives',
         )
     start = None if problem.start.is_auto else compute_contact_directions(problem.start.contacts_deg)  # type: ignore[arg-type]
     return plan_rotation(hand, goal, start, problem.gait.node_budget)
@@ -149,7 +161,9 @@ def render_run(folder: str | Path) -> None:
     film(Path(folder))
 
 
-def save_run(folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport) -> None:
+def save_run(
+    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
+) -> None:
     """Write the run folder: problem, plan, model, trace, report and the summary figure."""
     from dexplan.viz.figure import draw_summary
 
@@ -168,7 +182,11 @@ def save_run(folder: str | Path, problem: Problem, plan: Plan, trace: Trace, rep
 def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
     """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else."""
     folder = Path(folder)
-    return Problem.load(folder / "problem.toml"), Plan.load(folder / "plan.json"), Trace.load(folder / "trace.npz")
+    return (
+        Problem.load(folder / "problem.toml"),
+        Plan.load(folder / "plan.json"),
+        Trace.load(folder / "trace.npz"),
+    )
 
 
 def inspect(problem: Problem, folder: str | Path) -> str:

@@ -8,7 +8,6 @@ wanted torque.  Its state lives here and nowhere else.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import mink
@@ -20,8 +19,8 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference
 from dexplan.control.tasks import FingertipTask
-from dexplan.grasp.grasp import map_contact
 from dexplan.grasp.force import ForceLimits, ForceSolution, ForceSolver
+from dexplan.grasp.grasp import map_contact
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY, Array, invert_pose, rotation_matrix, rotation_vector
 
@@ -125,7 +124,16 @@ class Controller:
         push = self._options.feedforward * (bias + torque)
         ctrl[self._scene.actuators] = q + (push + self._damping * qdot) / self._gain
         return Command(
-            ctrl, X_ref, phase.action_index, phase.phase_index, forces_W, qp, tip_error, at_limit, is_done, failure
+            ctrl,
+            X_ref,
+            phase.action_index,
+            phase.phase_index,
+            forces_W,
+            qp,
+            tip_error,
+            at_limit,
+            is_done,
+            failure,
         )
 
     # -- sensing ---------------------------------------------------------------------------------------------------------
@@ -195,7 +203,11 @@ class Controller:
         R_error = rotation_vector(X_ref[:3, :3] @ observation.X_WO[:3, :3].T)
         self._correction[:3] += gain * (X_ref[:3, 3] - observation.X_WO[:3, 3])
         self._correction[3:] += gain * R_error
-        np.minimum(np.maximum(self._correction, -CORRECTION_LIMIT, out=self._correction), CORRECTION_LIMIT, out=self._correction)
+        np.minimum(
+            np.maximum(self._correction, -CORRECTION_LIMIT, out=self._correction),
+            CORRECTION_LIMIT,
+            out=self._correction,
+        )
         X = X_next.copy()
         X[:3, :3] = rotation_matrix(self._correction[3:]) @ X[:3, :3]
         X[:3, 3] += self._correction[:3]
@@ -220,7 +232,9 @@ class Controller:
         self._task.set_targets(self._targets)
         configuration = self._configuration
         try:
-            velocity = mink.solve_ik(configuration, [self._task], TICK, "daqp", damping=1e-9, limits=self._limits)
+            velocity = mink.solve_ik(
+                configuration, [self._task], TICK, "daqp", damping=1e-9, limits=self._limits
+            )
         except mink.NoSolutionFound:
             velocity = np.zeros(self._model.nv)
         configuration.integrate_inplace(velocity, TICK)

@@ -13,9 +13,9 @@ import numpy as np
 
 from dexplan.planning.plan import Action, Placement, Plan
 from dexplan.planning.travel import build_travel, compute_hover, wrap_near
-from dexplan.scene.chain import solve_ik
+from dexplan.scene.chain import compute_tip_jacobian, solve_ik
 from dexplan.scene.description import FingerDescription
-from dexplan.spatial import Array, read_only, rotation_matrix
+from dexplan.spatial import Array, read_only, rotate_about, rotation_matrix
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,20 @@ class Timing:
     """Time to bring the object up to speed, and to rest again."""
     touch_timeout: float = 0.15
     """How much longer than planned a finger may take to find the object."""
+    light_load: float = 0.1
+    """Share of its full load that a finger bears when it has just touched and before it leaves."""
     hover: float = 0.008
     """Where an approach starts and a retreat ends, off the surface [m]."""
     touch_speed: float = 0.010
     """Normal speed at which a finger meets the object [m/s]."""
     object_speed: float = float(np.radians(30.0))
+    """Greatest angular speed of the object [rad/s]."""
+    drift: float = 18e-6
+    """Greatest drift of a carried contact [m/s] that a motion may cause, see ``contact_time``."""
+    contact_time: float = 1e-3
+    """A contact constraint of the simulator takes this long [s] to undo tangential velocity.  Its acceleration is J qdd: the
+    velocity-product term is left out, so a contact carried at joint accelerations qdd drifts at about this time times the
+    tangential part of J qdd.  Motions slow down where that matters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,66 +156,130 @@ def build_reference(plan: Plan, fingers: tuple[FingerDescription, ...], timing: 
     """Return the reference that carries out ``plan``."""
     phases: list[Phase] = []
     contacts = plan.start_contacts
+    postures = {c.finger: c.q for c in contacts if c is not None}
     for index, action in enumerate(plan.actions):
-        phases.extend(_build_phases(index, action, contacts, fingers, timing))
+        builder = _PhaseBuilder(index, action, contacts, fingers, timing, postures)
+        phases.extend(builder.build())
         contacts = action.contacts_end
     start = tuple(None if c is None else c.X_OF for c in plan.start_contacts)
     return Reference(tuple(phases), start, plan.normal_force, timing)
 
 
-def _build_phases(
-    index: int,
-    action: Action,
-    before: tuple[Placement | None, ...],
-    fingers: tuple[FingerDescription, ...],
-    timing: Timing,
-) -> list[Phase]:
-    full = read_only([float(c is not None) for c in before])
-    after = read_only([float(c is not None) for c in action.contacts_end])
-    still = ObjectPath(action.X_WO_start, action.axis_W, 0.0, np.zeros(3), 1.0, 0.3)
-    held = tuple(int(k) for k in np.flatnonzero(full))
+@dataclass(eq=False)
+class _PhaseBuilder:
+    """Turns one action into phases; ``postures`` follows every holding finger through the plan."""
 
-    def phase(k: int, duration: float, **changes: object) -> Phase:
+    index: int
+    action: Action
+    before: tuple[Placement | None, ...]
+    fingers: tuple[FingerDescription, ...]
+    timing: Timing
+    postures: dict[int, Array]
+
+    def build(self) -> list[Phase]:
+        """Return the phases of the action."""
+        if self.action.kind == "hold":
+            last = self.index > 0
+            return [self._phase(0, self.timing.last_hold if last else self.timing.first_hold)]
+        if self.action.kind == "move_object":
+            return [self._move()]
+        return self._place() if self.action.kind == "place" else self._lift()
+
+    @property
+    def _held(self) -> tuple[int, ...]:
+        return tuple(i for i, c in enumerate(self.before) if c is not None)
+
+    def _shares(self) -> tuple[Array, Array, Array]:
+        """Return the load shares (F,) before and after the action, and with the changing finger pressing just a little.
+
+        A finger that has just touched, or is about to leave, presses enough not to bounce.
+        """
+        before = read_only([float(c is not None) for c in self.before])
+        after = read_only([float(c is not None) for c in self.action.contacts_end])
+        return before, after, read_only(np.where(before == after, before, self.timing.light_load))
+
+    def _phase(self, k: int, duration: float, **changes: object) -> Phase:
+        before, _, _ = self._shares()
+        still = ObjectPath(
+            self.action.X_WO_start, self.action.axis_W, 0.0, np.zeros(3), 1.0, self.timing.ramp
+        )
         values: dict[str, object] = {
             "object_path": still,
-            "holding": held,
-            "load_start": full,
-            "load_end": full,
+            "holding": self._held,
+            "load_start": before,
+            "load_end": before,
             **changes,
         }
-        return Phase(index, k, action.phases[k].name, duration, **values)  # type: ignore[arg-type]
+        return Phase(self.index, k, self.action.phases[k].name, duration, **values)  # type: ignore[arg-type]
 
-    if action.kind == "hold":
-        last = index > 0
-        return [phase(0, timing.last_hold if last else timing.first_hold)]
-    if action.kind == "move_object":
+    def _move(self) -> Phase:
+        action, timing = self.action, self.timing
         shift = action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3]
-        cruise = abs(action.angle) / timing.object_speed
-        duration = max(cruise + timing.ramp, 2.0 * timing.ramp, np.linalg.norm(shift) / 0.02 + timing.ramp)
+        speed = min(timing.object_speed, self._carry())
+        cruise = abs(action.angle) / speed
+        duration = max(
+            cruise + timing.ramp, 2.0 * timing.ramp, float(np.linalg.norm(shift)) / 0.02 + timing.ramp
+        )
         path = ObjectPath(action.X_WO_start, action.axis_W, action.angle, shift, duration, timing.ramp)
-        return [phase(0, duration, object_path=path)]
-    assert action.finger is not None
-    finger = action.finger
-    who, X_WO = fingers[finger], action.X_WO_start
-    if action.kind == "place":
-        placement = action.contacts_end[finger]
+        return self._phase(0, duration, object_path=path)
+
+    def _carry(self) -> float:
+        """Follow the holding fingers through the motion; return the speed [rad/s] at which no contact drifts too much."""
+        action, timing = self.action, self.timing
+        count = max(3, int(np.ceil(abs(action.angle) / np.radians(2.0))) + 1)
+        share = np.linspace(0.0, 1.0, count)
+        X_WO = np.repeat(action.X_WO_start[None], count, axis=0)
+        X_WO[:, :3, :3] = rotate_about(action.axis_W, share * action.angle) @ action.X_WO_start[:3, :3]
+        X_WO[:, :3, 3] += share[:, None] * (action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3])
+        step, worst = abs(action.angle) / (count - 1), 0.0
+        for i in self._held:
+            placement, chain = self.before[i], self.fingers[i].chain
+            assert placement is not None
+            q = np.empty((count, chain.n_joints))
+            q[0] = self.postures[i]
+            for k in range(1, count):
+                guess = 2.0 * q[k - 1] - q[k - 2] if k > 1 else q[0]
+                solved, _ = solve_ik(chain, (X_WO[k] @ placement.X_OF)[None], guess[None])
+                q[k] = wrap_near(solved[0], guess)
+            self.postures[i] = q[-1]
+            bend = np.gradient(np.gradient(q, axis=0), axis=0) / step**2
+            normals = X_WO[:, :3, :3] @ placement.normal_O
+            push = np.einsum("kij,kj->ki", compute_tip_jacobian(chain, q)[:, :3], bend)
+            push -= (push * normals).sum(axis=1, keepdims=True) * normals
+            worst = max(worst, float(np.linalg.norm(push, axis=1).max()))
+        return float(np.sqrt(timing.drift / (timing.contact_time * max(worst, 1e-9))))
+
+    def _place(self) -> list[Phase]:
+        timing, X_WO, finger = self.timing, self.action.X_WO_start, self.action.finger
+        assert finger is not None
+        placement, who = self.action.contacts_end[finger], self.fingers[finger]
         assert placement is not None
-        both = (*held, finger)
+        _, after, light = self._shares()
         hover = compute_hover(who, X_WO, placement.X_OF, placement.normal_O, placement.q, timing.hover)
+        way = build_travel(who, who.q_home, hover, X_WO[:3, 3])
         landing = {"finger": finger, "X_OF": placement.X_OF, "normal_O": placement.normal_O}
+        both = tuple(sorted((*self._held, finger)))
+        self.postures[finger] = placement.q
         return [
-            phase(0, timing.travel, finger=finger, postures=build_travel(who, who.q_home, hover, X_WO[:3, 3])),
-            phase(1, timing.approach, **landing, gap_start=timing.hover, ends_on_touch=True),
-            phase(2, timing.load, holding=tuple(sorted(both)), load_end=after),
+            self._phase(0, timing.travel, finger=finger, postures=way),
+            self._phase(1, timing.approach, **landing, gap_start=timing.hover, ends_on_touch=True),
+            self._phase(2, timing.load, holding=both, load_start=light, load_end=after),
         ]
-    placement = before[finger]
-    assert placement is not None
-    posture, _ = solve_ik(who.chain, (X_WO @ placement.X_OF)[None], placement.q[None], iterations=60)
-    posture = wrap_near(posture[0], placement.q)
-    lifted = compute_hover(who, X_WO, placement.X_OF, placement.normal_O, posture, timing.hover)
-    two = {"finger": finger, "holding": tuple(k for k in held if k != finger), "load_start": after, "load_end": after}
-    return [
-        phase(0, timing.unload, load_end=after),
-        phase(1, timing.retreat, **two, normal_O=placement.normal_O, gap_end=timing.hover),
-        phase(2, timing.travel, **two, postures=build_travel(who, lifted, who.q_home, X_WO[:3, 3])),
-    ]
+
+    def _lift(self) -> list[Phase]:
+        timing, X_WO, finger = self.timing, self.action.X_WO_start, self.action.finger
+        assert finger is not None
+        placement, who = self.before[finger], self.fingers[finger]
+        assert placement is not None
+        _, after, light = self._shares()
+        rest = tuple(i for i in self._held if i != finger)
+        posture = self.postures.pop(finger)
+        lifted = compute_hover(who, X_WO, placement.X_OF, placement.normal_O, posture, timing.hover)
+        # The way back is the way there: planned, and checked for clearance, from home.
+        way = build_travel(who, who.q_home, lifted, X_WO[:3, 3])[::-1]
+        two = {"finger": finger, "holding": rest, "load_start": after, "load_end": after}
+        return [
+            self._phase(0, timing.unload, load_end=light),
+            self._phase(1, timing.retreat, **two, normal_O=placement.normal_O, gap_end=timing.hover),
+            self._phase(2, timing.travel, **two, postures=way),
+        ]

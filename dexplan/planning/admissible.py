@@ -13,7 +13,12 @@ import numpy as np
 from dexplan.grasp.force import ForceLimits, ForceSolver
 from dexplan.grasp.grasp import map_contact
 from dexplan.planning.hand import HandModel
-from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_jacobian, compute_tip_pose
+from dexplan.scene.chain import (
+    compute_dexterity,
+    compute_joint_margin,
+    compute_tip_jacobian,
+    compute_tip_pose,
+)
 from dexplan.spatial import GRAVITY, Array
 
 
@@ -85,7 +90,12 @@ class Admissibility:
     _solvers: dict[int, ForceSolver] = field(default_factory=dict)
 
     def compute_margins(
-        self, q: Array, X_WO: Array, holding: tuple[int, ...], landing: tuple[int, ...] = (), axis_W: Array | None = None
+        self,
+        q: Array,
+        X_WO: Array,
+        holding: tuple[int, ...],
+        landing: tuple[int, ...] = (),
+        axis_W: Array | None = None,
     ) -> Margins:
         """Return the margins of a state.
 
@@ -162,7 +172,9 @@ class Admissibility:
         bias = hand.probe.compute_gravity_torque(q)[list(holding)]
         torque_limit = np.stack([hand.fingers[i].torque_limit for i in holding])
         reach = limits.torque_share * torque_limit
-        bounds = ForceLimits(np.full(n, limits.normal_floor), np.full(n, limits.normal_ceiling), -reach, reach)
+        bounds = ForceLimits(
+            np.full(n, limits.normal_floor), np.full(n, limits.normal_ceiling), -reach, reach
+        )
         solution = solver.solve(G, wrench, bounds, np.full(n, hand.normal_force), maps, bias)
         if not solution.is_solved:
             return -np.inf, np.inf, ", ".join(solution.faults) or solution.status

@@ -31,7 +31,9 @@ class Step:
     place_margins: Mapping[str, float] = field(default_factory=dict)
 
 
-def build_actions(steps: list[Step], start: tuple[Placement | None, ...], axis_W: Array) -> tuple[Action, ...]:
+def build_actions(
+    steps: list[Step], start: tuple[Placement | None, ...], axis_W: Array
+) -> tuple[Action, ...]:
     """Return the actions of a gait: hold, then for every step place, lift and move, and hold at the end."""
     contacts = list(start)
     X = steps[0].X_WO_start

@@ -125,7 +125,9 @@ def _solve(
         inside = room.min(axis=1) >= limits.joint_margin
         away = compute_dexterity(description.chain, solved) >= limits.dexterity
         q[near], ok[near] = solved, reached & inside & away
-        texts = np.array([f"the limit of {name.split('/')[-1]}" for name in description.joint_names], dtype=object)
+        texts = np.array(
+            [f"the limit of {name.split('/')[-1]}" for name in description.joint_names], dtype=object
+        )
         why = np.where(away, texts[room.argmin(axis=1)], "a singular posture")
         reason[near] = np.where(reached, why, "the end of its workspace")
     return q, ok, [list(row) for row in reason]

@@ -138,7 +138,9 @@ class Plan:
                 "kind": self.goal_kind,
                 "object_pose": _pose(self.X_WO_goal),
                 "axis_W": None if self.axis_W is None else self.axis_W.tolist(),
-                "turned_angle_deg": None if self.turned_angle is None else float(np.degrees(self.turned_angle)),
+                "turned_angle_deg": None
+                if self.turned_angle is None
+                else float(np.degrees(self.turned_angle)),
                 "contacts": None,
             },
             "actions": [self._action(k, action) for k, action in enumerate(self.actions)],
@@ -168,7 +170,8 @@ class Plan:
             "contacts_end": self._contacts(action.contacts_end),
             "margins": dict(action.margins),
             "phases": [
-                {"name": p.name, "touch": dict(zip(self.fingers, p.touch, strict=True))} for p in action.phases
+                {"name": p.name, "touch": dict(zip(self.fingers, p.touch, strict=True))}
+                for p in action.phases
             ],
         }
 
@@ -217,7 +220,9 @@ class Plan:
                 axis_W=np.array(a["rotation"]["axis_W"]),
                 angle=float(np.radians(a["rotation"]["angle_deg"])),
                 contacts_end=contacts(a["contacts_end"]),
-                phases=tuple(PlannedPhase(p["name"], tuple(p["touch"][n] for n in names)) for p in a["phases"]),
+                phases=tuple(
+                    PlannedPhase(p["name"], tuple(p["touch"][n] for n in names)) for p in a["phases"]
+                ),
                 why=a["why"],
                 limiting_finger=None if a["limiting_finger"] is None else index[a["limiting_finger"]],
                 limit=a["limit"],
@@ -249,7 +254,9 @@ class Plan:
         for k, a in enumerate(self.actions):
             lines.append(f"{k + 1:3d}. {self._sentence(a, before)}")
             if a.margins:
-                lines.append("     margins: " + ", ".join(f"{key} {value:.3g}" for key, value in a.margins.items()))
+                lines.append(
+                    "     margins: " + ", ".join(f"{key} {value:.3g}" for key, value in a.margins.items())
+                )
             before = a.contacts_end
         return "\n".join(lines)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from dexplan.scene.chain import compute_tip_pose, solve_ik
+from dexplan.scene.chain import compute_joint_margin, compute_tip_pose, solve_ik
 from dexplan.scene.description import FingerDescription
 from dexplan.spatial import Array
 
@@ -37,17 +37,21 @@ def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center
         swung = np.broadcast_to(directions[0], (SAMPLES, 3))
     X[:, :3, 3] = center + (distances[0] + share[:, None] * (distances[1] - distances[0])) * swung
     X[:, 3, 3] = 1.0
-    path, reached = solve_ik(finger.chain, X, straight)
-    path = straight + np.arctan2(np.sin(path - straight), np.cos(path - straight))
+    path, reached = solve_ik(finger.chain, X, straight, tolerance=1e-5)
+    path = wrap_near(path, straight)
     if finger.chain.has_tip_roll:
         path[:, -1] = straight[:, -1]
-    # Where the arc leaves the workspace the straight line between postures has to do; clearance is checked on either.
-    path[~reached] = straight[~reached]
     path[0], path[-1] = q_start, q_end
+    # Where the arc leaves the workspace or would flip the wrist, the straight line between the postures has to do.
+    flips = np.abs(np.diff(path, axis=0)).max() > 0.15 + 3.0 * np.abs(q_end - q_start).max() / (SAMPLES - 1)
+    if not reached.all() or flips or compute_joint_margin(finger.chain, path).min() < 0.0:
+        return straight
     return path
 
 
-def compute_hover(finger: FingerDescription, X_WO: Array, X_OF: Array, normal_O: Array, q: Array, gap: float) -> Array:
+def compute_hover(
+    finger: FingerDescription, X_WO: Array, X_OF: Array, normal_O: Array, q: Array, gap: float
+) -> Array:
     """Return the posture (J,) near ``q`` with the tip at its contact pose ``X_OF``, lifted ``gap`` [m] along the normal."""
     X = X_OF.copy()
     X[:3, 3] += gap * normal_O
@@ -58,5 +62,3 @@ def compute_hover(finger: FingerDescription, X_WO: Array, X_OF: Array, normal_O:
 def wrap_near(q: Array, q_near: Array) -> Array:
     """Return ``q`` with whole turns added so that each angle is within half a turn of ``q_near``."""
     return q - 2.0 * np.pi * np.round((q - q_near) / (2.0 * np.pi))
-
-

@@ -58,7 +58,9 @@ def build_model_xml(parameters: SceneParameters) -> str:
         )
         mount.attach(finger)
     if ranges:
-        known = (f"finger_{k}.joint_{j}" for k in range(1, len(parameters.tip_radii) + 1) for j in range(1, 7))
+        known = (
+            f"finger_{k}.joint_{j}" for k in range(1, len(parameters.tip_radii) + 1) for j in range(1, 7)
+        )
         raise UnknownNameError("joint", next(iter(ranges)), known)
     ball = _load("ball", parameters)
     ball.find("geom", "surface").size = [parameters.object_radius]

@@ -71,7 +71,9 @@ def scene_from_xml(name: str, xml: str) -> Scene:
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    finger_names = [model.geom(g).name[:-4] for g in range(model.ngeom) if model.geom(g).name.endswith("/tip")]
+    finger_names = [
+        model.geom(g).name[:-4] for g in range(model.ngeom) if model.geom(g).name.endswith("/tip")
+    ]
     object_joint = model.joint("object/free/")
     object_geom = model.geom("object/surface").id
     surface = Sphere(float(model.geom_size[object_geom, 0]))
@@ -160,7 +162,9 @@ def _solve_home(name: str, chain: Chain, base: Array, center: Array, distance: f
         q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
     room = np.minimum(q - chain.lower, chain.upper - q)
     # Elbow and wrist answers with the same room differ in posture; least motion from the middle decides between them.
-    score = np.where(reached, room.min(axis=1) - 0.05 * np.abs(q - 0.5 * (chain.lower + chain.upper)).sum(axis=1), -np.inf)
+    score = np.where(
+        reached, room.min(axis=1) - 0.05 * np.abs(q - 0.5 * (chain.lower + chain.upper)).sum(axis=1), -np.inf
+    )
     best = int(np.argmax(np.round(score, 6)))
     if not reached[best] or room[best].min() < 0.0:
         raise DexplanError(

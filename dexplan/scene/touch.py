@@ -93,9 +93,7 @@ def _relative_velocity(
     return v - v_other, w - w_other
 
 
-def _point_velocity(
-    model: mujoco.MjModel, data: mujoco.MjData, body: int, p_W: Array
-) -> tuple[Array, Array]:
+def _point_velocity(model: mujoco.MjModel, data: mujoco.MjData, body: int, p_W: Array) -> tuple[Array, Array]:
     # cvel is (w, v) about the centre of mass of the body's whole tree, in world axes.
     w, v = data.cvel[body, :3], data.cvel[body, 3:]
     return v + cross(w, p_W - data.subtree_com[model.body_rootid[body]]), w

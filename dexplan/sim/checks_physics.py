@@ -57,6 +57,8 @@ ABSENT = (
     "nuserdata",
 )
 """Counts of model elements that must be zero."""
+VISUAL = ("/tip_visual", "/neck_visual")
+"""Geoms of a finger that are only seen: the half of the tip that shows, and the bridge between two links of one finger."""
 ARMATURE_MAX, DAMPING_MAX = 5e-3, 0.1
 """Of a finger joint [kg m^2], [N m s/rad]: a real geared servo of this size has as much."""
 TORQUE_LIMITS = {1: 1.5, 2: 1.5, 3: 1.5, 4: 0.5, 5: 0.5, 6: 0.5}
@@ -163,7 +165,7 @@ def _find_in_geoms(world: World, problem: Mapping[str, Any]) -> Iterator[str]:
         f"obstacle_{k}": obstacle for k, obstacle in enumerate(problem.get("obstacles") or (), start=1)
     }
     for g, name in enumerate(world.geom_names):
-        if name.endswith("/tip_visual") and world.geom_finger[g] >= 0:
+        if name.endswith(VISUAL) and world.geom_finger[g] >= 0:
             if model.geom_contype[g] or model.geom_conaffinity[g]:
                 yield f"geom {name} collides"
             continue

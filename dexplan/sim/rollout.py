@@ -103,7 +103,12 @@ _COLUMNS = (
 
 
 def _set_start(
-    scene: Scene, believed: Scene, reference: Reference, options: ControlOptions, X_WO: Array, data: mujoco.MjData
+    scene: Scene,
+    believed: Scene,
+    reference: Reference,
+    options: ControlOptions,
+    X_WO: Array,
+    data: mujoco.MjData,
 ) -> None:
     """Put the tips in contact where the reference starts, as deep as the first wanted forces press them; others at home.
 
