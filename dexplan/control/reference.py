@@ -25,6 +25,9 @@ class Timing:
     first_hold: float = 0.5
     last_hold: float = 1.0
     travel: float = 0.45
+    """Least time for a free finger's way; longer where a joint would turn faster than ``joint_speed``."""
+    joint_speed: float = 4.0
+    """Greatest speed of a free finger's joints [rad/s]."""
     approach: float = 0.35
     load: float = 0.25
     unload: float = 0.25
@@ -249,6 +252,11 @@ class _PhaseBuilder:
             worst = max(worst, float(np.linalg.norm(push, axis=1).max()))
         return float(np.sqrt(timing.drift / (timing.contact_time * max(worst, 1e-9))))
 
+    def _travel_time(self, way: Array) -> float:
+        # The smooth step's greatest speed is 15/8 of its mean, and the way is walked at even shares of its postures.
+        fastest = 1.875 * float(np.abs(np.diff(way, axis=0)).max()) * (len(way) - 1)
+        return max(self.timing.travel, fastest / self.timing.joint_speed)
+
     def _place(self) -> list[Phase]:
         timing, X_WO, finger = self.timing, self.action.X_WO_start, self.action.finger
         assert finger is not None
@@ -261,7 +269,7 @@ class _PhaseBuilder:
         both = tuple(sorted((*self._held, finger)))
         self.postures[finger] = placement.q
         return [
-            self._phase(0, timing.travel, finger=finger, postures=way),
+            self._phase(0, self._travel_time(way), finger=finger, postures=way),
             self._phase(1, timing.approach, **landing, gap_start=timing.hover, ends_on_touch=True),
             self._phase(2, timing.load, holding=both, load_start=light, load_end=after),
         ]
@@ -281,5 +289,5 @@ class _PhaseBuilder:
         return [
             self._phase(0, timing.unload, load_end=light),
             self._phase(1, timing.retreat, **two, normal_O=placement.normal_O, gap_end=timing.hover),
-            self._phase(2, timing.travel, **two, postures=way),
+            self._phase(2, self._travel_time(way), **two, postures=way),
         ]

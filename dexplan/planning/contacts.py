@@ -6,10 +6,12 @@ Geometry only: nothing here knows loads, clearances or the search.  Contacts liv
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.grasp.closure import required_pair_preload
 from dexplan.planning.admissible import FingerState, compute_finger_states
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
@@ -74,6 +76,23 @@ class ContactTable:
     def beta_max(self) -> float:
         """Largest angle [rad] between normals and chord of a force-closed pair, by the believed friction."""
         return compute_pair_angle_max(self.hand.friction.scaled(self.hand.limits.cone_share))
+
+    @cached_property
+    def beta_easy(self) -> float:
+        """Angle [rad] up to which a pair with a level chord carries the object with half the greatest normal force.
+
+        Solves ``required_pair_preload`` for the angle.  Other chords differ, so this only ranks placements, never refuses them.
+        """
+        friction, hand = self.hand.friction, self.hand
+        radius = float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
+        share, target = friction.facet_inradius, 0.5 * hand.limits.normal_ceiling
+        for beta in np.linspace(self.beta_max, 0.0, 60):
+            needed = required_pair_preload(
+                friction.sliding, friction.torsional, hand.object.mass, radius, np.pi - 2.0 * beta, share
+            )
+            if needed <= target:
+                return float(max(beta, 1e-3))
+        return 1e-3
 
     def prepare(self, start: tuple[Array | None, ...]) -> list[Held | None]:
         """Build the orbits; return each start contact (outward normal (3,) in W, or None), None where it is out of reach."""
@@ -155,6 +174,13 @@ class ContactTable:
         """Return whether two of the contacts are force closed with the believed friction."""
         return self.pair_angle(held) < self.beta_max
 
+    def keeps_order(self, held: tuple[Held, ...]) -> bool:
+        """Return whether the fingers stand in the order of their bases, the free ones at home."""
+        center = self.goal.X_WO_start[:3, 3]
+        normals = {i: home - center for i, home in enumerate(self.hand.p_WF_home)}
+        normals.update({h.finger: self.normal(h) for h in held})
+        return keeps_order(self.hand, normals)
+
     def needed_angle(self) -> str:
         """Return in words what two contacts need for force closure."""
         angle = np.degrees(np.pi - 2.0 * self.beta_max)
@@ -180,7 +206,8 @@ class ContactTable:
         found = np.flatnonzero(ok)
         if not len(found):
             return []
-        score = promise[found] / int(promise[found].max()) - 0.3 * beta[found] / self.beta_max
+        hard = np.maximum(0.0, beta[found] - self.beta_easy) / self.beta_easy
+        score = promise[found] / int(promise[found].max()) - 0.3 * beta[found] / self.beta_max - 2.0 * hard
         chosen: list[Held] = []
         near: list[Array] = []
         standing = {h.finger: self.normal(h) for h in held}

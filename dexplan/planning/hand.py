@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -63,6 +64,11 @@ class HandModel:
     normal_force: float = 5.0
     hover: float = 0.008
     acceleration: float = 2.8
+
+    @cached_property
+    def p_WF_home(self) -> Array:
+        """Tip centres (F, 3) [m] at home, in W."""
+        return np.stack([f.pose_at(f.q_home)[:3, 3] for f in self.fingers])
 
     @property
     def q_home(self) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dexplan.planning.hand import HandModel
 from dexplan.scene.chain import compute_dexterity, compute_joint_margin
 from dexplan.scene.workspace import Workspace
-from dexplan.spatial import Array, build_frame, read_only, rotate_about
+from dexplan.spatial import Array, build_frame, make_pose, read_only, rotate_about
 
 STEP = float(np.radians(2.0))
 """Spacing of stations along an orbit, and of the samples at which a motion is checked [rad]."""
@@ -124,13 +124,25 @@ def _solve(
         room = np.minimum(fixed - lower, upper - fixed)
         inside = room.min(axis=1) >= limits.joint_margin
         away = compute_dexterity(description.chain, solved) >= limits.dexterity
-        q[near], ok[near] = solved, reached & inside & away
+        fine = reached & inside & away
+        q[near], ok[near] = solved, fine
         texts = np.array(
             [f"the limit of {name.split('/')[-1]}" for name in description.joint_names], dtype=object
         )
         why = np.where(away, texts[room.argmin(axis=1)], "a singular posture")
         reason[near] = np.where(reached, why, "the end of its workspace")
+        for row, k in np.argwhere(ok):
+            clearance, names = _clear_alone(hand, finger, q[row, k], center)
+            if clearance < limits.clearance:
+                ok[row, k], reason[row, k] = False, f"{names} too near"
     return q, ok, [list(row) for row in reason]
+
+
+def _clear_alone(hand: HandModel, finger: int, q: Array, center: Array) -> tuple[float, str]:
+    """Return the clearance of one finger touching the object, all others at home; its own tip's spin does not matter."""
+    posture = hand.q_home
+    posture[finger] = q
+    return hand.probe.compute_clearance(posture, make_pose(p=center), (finger,))
 
 
 def _measure_runs(

@@ -102,9 +102,10 @@ class GaitSearch:
         furthest = min(limiter.left, self._table.stations - node.done)
         last = -1
         for k in sorted({*range(0, furthest, STRIDE), furthest}):
-            row = self.margins(tuple(h.carried(k) for h in node.held))
-            if not row.is_admissible:
-                node.limit = (None, row.refusal)
+            held = tuple(h.carried(k) for h in node.held)
+            row = self.margins(held)
+            if not row.is_admissible or not self._table.keeps_order(held):
+                node.limit = (None, row.refusal or "the fingers would change their order")
                 return last
             last = k
         to_goal = node.done + furthest >= self._table.stations
@@ -226,8 +227,9 @@ class GaitSearch:
         left = float(np.mean([h.left for h in node.held]))
         missing = self._table.stations - min(self._table.stations, node.done + left)
         # Between equals, prefer contacts near opposite: small forces and room for error.
-        slack = self._table.pair_angle(node.held) / self._table.beta_max
-        return node.placements + GREED * missing / worth + 0.6 * slack
+        beta = self._table.pair_angle(node.held)
+        hard = max(0.0, beta - self._table.beta_easy) / self._table.beta_easy
+        return node.placements + GREED * missing / worth + 0.6 * beta / self._table.beta_max + 6.0 * hard
 
     def _children(self, node: Node, reach: int) -> list[Node]:
         children = []

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from dm_control import mjcf
@@ -88,3 +89,15 @@ def _load(name: str, parameters: SceneParameters) -> Any:
     part = mjcf.from_xml_string(text)
     part.default.geom.friction = [parameters.sliding_friction, parameters.torsional_friction, 1e-4]
     return part
+
+
+def main() -> None:
+    """Write the assembled text of the default scene beside its parts, where a test compares it with what is built."""
+    parameters = SceneParameters()
+    target = Path(str(resources.files("dexplan.models"))) / f"{parameters.scene}.xml"
+    target.write_text(build_model_xml(parameters), encoding="utf-8")
+    print(target)
+
+
+if __name__ == "__main__":
+    main()
