@@ -26,6 +26,8 @@ from dexplan.spatial import GRAVITY, Array, invert_pose, rotation_matrix, rotati
 
 TICK = 0.004
 """Control period [s]."""
+CONE_SHARE = 0.99
+"""Share of the believed cone that forces may use: the rest covers what contact frames are known to."""
 CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
 """The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
 
@@ -98,7 +100,7 @@ class Controller:
         self._gain = np.stack([f.servo_gain for f in scene.fingers])
         self._damping = np.stack([f.servo_damping for f in scene.fingers])
         self._torque = np.stack([f.torque_limit for f in scene.fingers])
-        self._friction = SoftFinger(options.sliding, options.torsional)
+        self._friction = SoftFinger(options.sliding, options.torsional).scaled(CONE_SHARE)
         self._solvers: dict[tuple[int, ...], ForceSolver] = {}
         self._bias = np.zeros(self._model.nv)
         self._phase, self._phase_start = -1, 0.0

@@ -26,7 +26,7 @@ class Timing:
     last_hold: float = 1.0
     travel: float = 0.45
     """Least time for a free finger's way; longer where a joint would turn faster than ``joint_speed``."""
-    joint_speed: float = 4.0
+    joint_speed: float = 6.0
     """Greatest speed of a free finger's joints [rad/s]."""
     approach: float = 0.35
     load: float = 0.25
@@ -142,10 +142,13 @@ def smooth_step(s: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The phases of a whole plan, the fingers' initial contacts and the normal force [N] of a fully loaded contact."""
+    """The phases of a whole plan, where the fingers start, and the normal force [N] of a fully loaded contact.
+
+    ``start`` holds per finger the tip in the object frame (4, 4) and its posture (J,), None for a finger that starts at home.
+    """
 
     phases: tuple[Phase, ...]
-    start: tuple[Array | None, ...]
+    start: tuple[tuple[Array, Array] | None, ...]
     normal_force: float
     timing: Timing
 
@@ -164,7 +167,7 @@ def build_reference(plan: Plan, fingers: tuple[FingerDescription, ...], timing: 
         builder = _PhaseBuilder(index, action, contacts, fingers, timing, postures)
         phases.extend(builder.build())
         contacts = action.contacts_end
-    start = tuple(None if c is None else c.X_OF for c in plan.start_contacts)
+    start = tuple(None if c is None else (c.X_OF, c.q) for c in plan.start_contacts)
     return Reference(tuple(phases), start, plan.normal_force, timing)
 
 

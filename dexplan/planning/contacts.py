@@ -74,8 +74,9 @@ class ContactTable:
 
     @property
     def beta_max(self) -> float:
-        """Largest angle [rad] between normals and chord of a force-closed pair, by the believed friction."""
-        return compute_pair_angle_max(self.hand.friction.scaled(self.hand.limits.cone_share))
+        """Largest angle [rad] between normals and chord of a pair: force closed with the believed friction, and a margin."""
+        limits = self.hand.limits
+        return compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
 
     @cached_property
     def beta_easy(self) -> float:
@@ -184,7 +185,7 @@ class ContactTable:
     def needed_angle(self) -> str:
         """Return in words what two contacts need for force closure."""
         angle = np.degrees(np.pi - 2.0 * self.beta_max)
-        return f"{angle:.1f} deg or more apart, as force closure with the believed friction needs"
+        return f"{angle:.1f} deg or more apart, as force closure with the believed friction and a margin needs"
 
     def landings(self, finger: int, keep: Held, held: tuple[Held, ...]) -> list[Held]:
         """Return the most promising places for a free ``finger`` to land that hold with ``keep`` and clear all of ``held``.

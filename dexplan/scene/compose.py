@@ -6,14 +6,18 @@ The text that comes out is the model: it is written to the run folder, and what 
 from __future__ import annotations
 
 import math
+import warnings
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from dm_control import mjcf
-
 from dexplan.errors import UnknownNameError
 from dexplan.scene.description import SceneParameters
+
+with warnings.catch_warnings():
+    # dm_control looks for a window system on import and warns where there is none; nothing here needs one.
+    warnings.simplefilter("ignore")
+    from dm_control import mjcf
 
 HOME_POSITION = (0.0, 0.0, 0.16)
 """Centre of the object at home, in the world [m]."""

@@ -114,7 +114,7 @@ def _set_start(
 
     The world starts at rest; a tip that starts too shallow would fall into the object and drag it along.
     """
-    touching = [i for i, X_OF in enumerate(reference.start) if X_OF is not None]
+    touching = [i for i, start in enumerate(reference.start) if start is not None]
     depth = np.full(scene.n_fingers, START_DEPTH)
     for _ in range(4):
         data.qpos[:] = scene.as_qpos(_start_posture(scene, reference, X_WO, depth), X_WO)
@@ -138,12 +138,12 @@ def _inward_normal(scene: Scene, data: mujoco.MjData, finger: int) -> Array:
 def _start_posture(scene: Scene, reference: Reference, X_WO: Array, depth: Array) -> Array:
     """Return joint angles (F, J) with the tips ``depth`` (F,) [m] in the object where the reference starts, others at home."""
     posture = []
-    for finger, X_OF, d in zip(scene.fingers, reference.start, depth, strict=True):
+    for finger, start, d in zip(scene.fingers, reference.start, depth, strict=True):
         q = finger.q_home
-        if X_OF is not None:
-            X = X_OF.copy()
+        if start is not None:
+            X = start[0].copy()
             X[:3, 3] *= 1.0 - d / np.linalg.norm(X[:3, 3])
-            solved, _ = solve_ik(finger.chain, (X_WO @ X)[None], finger.q_home[None], iterations=60)
+            solved, _ = solve_ik(finger.chain, (X_WO @ X)[None], start[1][None])
             q = solved[0]
         posture.append(q)
     return np.stack(posture)

@@ -10,19 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexplan.planning.admissible import Admissibility
+from dexplan.planning.admissible import Admissibility, FingerState, compute_finger_states
 from dexplan.planning.hand import HandModel
-from dexplan.scene.chain import compute_dexterity
 from dexplan.spatial import Array, build_frame, direction_from_angles, make_pose
 
 GRID_DEG = 4
 COUNT = 360 // GRID_DEG
 """Azimuths on the grid; one is given by its index, modulo this."""
+JUMP = 0.6
+"""A joint that turns by more than this from one azimuth to the next has changed its branch [rad]."""
 
 Contact = tuple[int, int]
 """Finger and azimuth index."""
@@ -122,14 +122,19 @@ class Ring:
 
     def __call__(self, contacts: Contacts) -> bool:
         """Return whether the contacts may stand: three of them only have to be in reach."""
-        third = COUNT // 3
-        for finger, k in contacts:
-            if abs((k - finger * third + COUNT // 2) % COUNT - COUNT // 2) > self.half_width:
-                return False
-        if len(contacts) > 2:
-            return True
+        if not all(self._is_home(finger, k) for finger, k in contacts):
+            return False
         apart = (contacts[0][1] - contacts[1][1]) % COUNT
-        return min(apart, COUNT - apart) >= self.pair_angle
+        return len(contacts) > 2 or min(apart, COUNT - apart) >= self.pair_angle
+
+    @property
+    def spots(self) -> list[Contact]:
+        """Where each finger can stand."""
+        return [(f, k) for f in range(3) for k in range(COUNT) if self._is_home(f, k)]
+
+    def _is_home(self, finger: int, azimuth: int) -> bool:
+        away = (azimuth - finger * COUNT // 3) % COUNT
+        return min(away, COUNT - away) <= self.half_width
 
 
 @dataclass(eq=False)
@@ -144,73 +149,73 @@ class EquatorialHand:
     sense: int = 1
 
     def __post_init__(self) -> None:
+        self.azimuths_deg = self.offset_deg + GRID_DEG * np.arange(COUNT)
         self._admissibility = Admissibility(self.hand)
-        self._X_WO = make_pose(p=self.hand.object.X_WO_home[:3, 3])
-        self.azimuths = np.radians(self.offset_deg + GRID_DEG * np.arange(COUNT))
+        self._X_WO = self.hand.object.X_WO_home
+        self._states: dict[Contact, FingerState] = {}
+        self._jumps: set[Contact] = set()
+        normals = direction_from_angles(self.azimuths_deg, np.zeros(COUNT))
+        for f in range(len(self.hand.fingers)):
+            self._solve(f, normals)
 
-    @cached_property
-    def _solved(self) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-        """Postures (F, K, J), where each finger can stand (F, K), and whether the next azimuth continues the posture."""
-        normals = direction_from_angles(np.degrees(self.azimuths), np.zeros(COUNT))
-        postures, stands, joined = [], [], []
-        for finger, workspace in zip(self.hand.fingers, self.hand.workspaces, strict=True):
-            X = np.stack([make_pose(build_frame(-n)) for n in normals])
-            X[:, :3, 3] = (
-                self._X_WO[:3, 3] + self.hand.object.surface.closest(normals) + finger.tip_radius * normals
-            )
-            q, reached = workspace.solve(X)
-            chain = finger.chain
-            assert chain.has_tip_roll  # else the spin is not one joint's business, and this oracle does not apply
-            q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
-            room = np.minimum(q - chain.lower, chain.upper - q).min(axis=1)
-            ok = reached & (room >= self.hand.limits.joint_margin)
-            ok &= compute_dexterity(chain, q) >= self.hand.limits.dexterity
-            step = np.abs(np.roll(q, -self.sense, axis=0) - q).max(axis=1)
-            postures.append(q)
-            stands.append(ok)
-            joined.append(step < 0.6)
-        return np.stack(postures), np.stack(stands), np.stack(joined)
+    def _solve(self, f: int, normals: Array) -> None:
+        """Find the finger's postures around the equator, and where its branch of the inverse kinematics breaks off."""
+        finger, limits = self.hand.fingers[f], self.hand.limits
+        assert (
+            finger.chain.has_tip_roll
+        )  # else the spin is not one joint's business, and this oracle does not apply
+        X = np.stack([make_pose(build_frame(-n)) for n in normals])
+        points = self.hand.object.surface.closest(normals) + finger.tip_radius * normals
+        X[:, :3, 3] = self._X_WO[:3, 3] + points
+        q, reached = self.hand.workspaces[f].solve(X)
+        q[:, -1] = 0.5 * (finger.chain.lower[-1] + finger.chain.upper[-1])
+        for k, state in enumerate(compute_finger_states(self.hand, f, q)):
+            if reached[k] and state.joint >= limits.joint_margin and state.dexterity >= limits.dexterity:
+                self._states[f, k] = state
+            if np.abs(q[(k + self.sense) % COUNT] - q[k]).max() > JUMP:
+                self._jumps.add((f, k))
 
-    def follows(self, finger: int, azimuth: int) -> bool:
+    @property
+    def spots(self) -> list[Contact]:
+        """Where each finger can hold a contact, for itself."""
+        return sorted(self._states)
+
+    def index(self, azimuth_deg: float) -> int:
+        """Return the grid index of an azimuth that lies on the grid."""
+        k = (azimuth_deg - self.offset_deg) / GRID_DEG
+        assert abs(k - round(k)) < 1e-9
+        return round(k) % COUNT
+
+    def follows(self, contact: Contact) -> bool:
         """Return whether the posture goes on to the next azimuth without a jump."""
-        return bool(self._solved[2][finger, azimuth])
-
-    def stands(self, finger: int) -> NDArray[np.bool_]:
-        """Return the azimuths (K,) at which the finger can hold a contact, for itself."""
-        return self._solved[1][finger]
+        return contact not in self._jumps
 
     def __call__(self, contacts: Contacts) -> bool:
         """Return whether the hand can carry the object so (two contacts), or stand so while it exchanges one (three)."""
-        q, stands, _ = self._solved
-        if not all(stands[f, k] for f, k in contacts):
+        if any(contact not in self._states for contact in contacts):
             return False
-        postures = self.hand.q_home
-        for f, k in contacts:
-            postures[f] = q[f, k]
-        holding = tuple(f for f, _ in contacts)
+        states = {contact[0]: self._states[contact] for contact in contacts}
+        q = self.hand.q_home
+        for finger, state in states.items():
+            q[finger] = state.q
         if len(contacts) > 2:
-            clearance, _ = self.hand.probe.compute_clearance(postures, self._X_WO, holding)
+            clearance, _ = self.hand.probe.compute_clearance(q, self._X_WO, tuple(states))
             return clearance >= self.hand.limits.clearance and self._keeps_order(contacts)
-        (_, a), (_, b) = contacts
-        if np.pi - abs((self.azimuths[a] - self.azimuths[b]) % (2 * np.pi) - np.pi) <= (
-            np.pi - 2.0 * np.arctan(self.hand.friction.sliding)
-        ):
+        apart = GRID_DEG * ((contacts[0][1] - contacts[1][1]) % COUNT)
+        if min(apart, 360 - apart) <= 180.0 - 2.0 * np.degrees(np.arctan(self.hand.friction.sliding)):
             return False
-        axis = np.array([0.0, 0.0, float(self.sense)])
-        return self._admissibility.compute_margins(
-            postures, self._X_WO, holding, axis_W=axis
-        ).is_admissible
+        axis_W = np.array([0.0, 0.0, float(self.sense)])
+        return self._admissibility.compute_margins_of(states, q, self._X_WO, axis_W=axis_W).is_admissible
 
     def _keeps_order(self, contacts: Contacts) -> bool:
-        """Return whether the contacts follow one another around the vertical as the bases do."""
-        center = self._X_WO[:2, 3]
-        bases = [self.hand.fingers[f].chain.offsets[0][:2, 3] - center for f, _ in contacts]
-        return winds_once([float(np.arctan2(b[1], b[0])) for b in bases]) == winds_once(
-            [float(self.azimuths[k]) for _, k in contacts]
+        """Return whether three contacts follow one another around the vertical as the bases do."""
+        bases = [self.hand.fingers[f].chain.offsets[0][:2, 3] - self._X_WO[:2, 3] for f, _ in contacts]
+        return winds_forward([float(np.degrees(np.arctan2(y, x))) for x, y in bases]) == winds_forward(
+            [float(self.azimuths_deg[k]) for _, k in contacts]
         )
 
 
-def winds_once(azimuths: list[float]) -> bool:
-    """Return whether three azimuths [rad] follow one another counter-clockwise."""
-    first, second, third = azimuths
-    return (second - first) % (2 * np.pi) < (third - first) % (2 * np.pi)
+def winds_forward(azimuths_deg: list[float]) -> bool:
+    """Return whether three azimuths follow one another counter-clockwise."""
+    first, second, third = azimuths_deg
+    return (second - first) % 360.0 < (third - first) % 360.0

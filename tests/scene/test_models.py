@@ -102,7 +102,7 @@ def test_nothing_but_contact_can_hold_the_object(scene: Scene) -> None:
     assert not model.jnt_stiffness.any()
     joints = {model.joint(j).name: model.jnt_type[j] for j in range(model.njnt)}
     assert joints.pop("object/free/") == mujoco.mjtJoint.mjJNT_FREE
-    assert set(joints.values()) == {mujoco.mjtJoint.mjJNT_HINGE}
+    assert all(kind == mujoco.mjtJoint.mjJNT_HINGE for kind in joints.values())
 
 
 def test_object_is_a_solid_ball(scene: Scene) -> None:
@@ -203,7 +203,8 @@ def test_a_finger_is_attached_once_per_base(azimuths: tuple[float, ...]) -> None
         assert model.geom(f"finger_{k}/tip").size[0] == radius
         mesh = model.mesh(f"finger_{k}/hemisphere")
         vertices = model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]]
-        assert np.ptp(vertices[:, 0]) == pytest.approx(2.0 * radius, rel=1e-3)
+        # The compiler turns a mesh into its principal axes; a hemisphere is widest at twice its radius.
+        assert np.ptp(vertices, axis=0).max() == pytest.approx(2.0 * radius, rel=1e-3)
 
 
 def test_fingers_are_one_finger(scene: Scene) -> None:

@@ -1,0 +1,121 @@
+"""Short problems through the whole hand, planned and simulated once per process, shared by the tests beside this file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+from dexplan import pipeline
+from dexplan.control.controller import ControlOptions
+from dexplan.control.reference import Reference, Timing, build_reference
+from dexplan.planning.gaits import Step, build_actions
+from dexplan.planning.plan import SOLVED, Plan
+from dexplan.problems.problem import Problem
+from dexplan.problems.read import load_problem
+from dexplan.scene.scene import Scene
+from dexplan.sim.rollout import rollout
+from dexplan.sim.trace import Trace
+from dexplan.sim.validate import ValidationReport
+
+PROFILES = ("firm", "portable")
+HOLDS: dict[str, tuple[str, list[object]]] = {
+    "hold_three": ("hold_three", [[0.0, 0.0], [120.0, 0.0], [240.0, 0.0]]),
+    "hold_12": ("hold_two", [[-38.0, 0.0], [102.0, 0.0], "free"]),
+    "hold_23": ("hold_two", ["free", [82.0, 0.0], [222.0, 0.0]]),
+    "hold_31": ("hold_two", [[18.0, 0.0], "free", [238.0, 0.0]]),
+}
+"""Holding still with three fingers and with each pair: built-in problem and start contacts."""
+SHORT_TURN: dict[str, object] = {
+    "goal.rotation.angle_deg": 15.0,
+    "start.contacts_deg": [[40.0, 0.0], [180.0, 0.0], "free"],
+}
+"""Finger 2 starts near the end of its reach, so that 15 degrees take one substitution (finger 3 for 2)."""
+HOLD_TIMING = Timing(first_hold=0.5, last_hold=1.5)
+"""Two seconds in all."""
+
+
+@lru_cache
+def hold_problem(name: str, profile: str) -> Problem:
+    """Return the problem of holding still, one of :data:`HOLDS`."""
+    built_in, contacts = HOLDS[name]
+    return load_problem(built_in, {"start.contacts_deg": contacts, "control.physics_profile": profile})
+
+
+@lru_cache
+def turn_problem(profile: str = "firm") -> Problem:
+    """Return the short turn's problem."""
+    return load_problem("fig4_substitution", {**SHORT_TURN, "control.physics_profile": profile})
+
+
+@lru_cache
+def plan_of(problem: Problem) -> Plan:
+    """Return the plan, found once per process."""
+    plan = pipeline.plan(problem)
+    if problem.name == "hold_three" and plan.status == "no_admissible_pair":
+        # Nothing is lifted in a hold, so the grasp the planner was given is the whole plan.
+        contacts = tuple(c for c in plan.start_contacts if c is not None)
+        step = Step(contacts, plan.X_WO_start, plan.X_WO_start, 0.0, None, None, (None, "the goal"))
+        assert plan.axis_W is not None
+        actions = build_actions([step], plan.start_contacts, plan.axis_W)
+        return replace(plan, status=SOLVED, reason="", actions=actions)
+    assert plan.is_solved, plan.reason
+    return plan
+
+
+@lru_cache
+def trace_of(problem: Problem, timing: Timing | None = None) -> Trace:
+    """Return the honest run of the problem's plan, simulated once per process."""
+    return simulate(problem, build_plan_reference(problem, plan_of(problem), timing))
+
+
+@lru_cache
+def report_of(problem: Problem, timing: Timing | None = None) -> ValidationReport:
+    """Return the judgement of :func:`trace_of`."""
+    return pipeline.validate(problem, plan_of(problem), trace_of(problem, timing))
+
+
+def build_plan_reference(problem: Problem, plan: Plan, timing: Timing | None = None) -> Reference:
+    """Return the plan's reference, with the problem's timing unless another is given."""
+    return build_reference(
+        plan, pipeline.build_scene(problem).fingers, timing or pipeline.build_timing(problem)
+    )
+
+
+def simulate(
+    problem: Problem,
+    reference: Reference,
+    options: ControlOptions | None = None,
+    world: Scene | None = None,
+) -> Trace:
+    """Return the run of any reference on the problem's scene."""
+    return rollout(
+        pipeline.build_scene(problem),
+        reference,
+        options or pipeline.build_options(problem),
+        world=world,
+        meta={"problem": problem.name, "seed": problem.seed},
+    )
+
+
+def with_truth(problem: Problem, *, mass_kg: float, sliding: float, torsional_m: float) -> Problem:
+    """Return the problem as it is true: mass and friction of the world, beliefs of planner and controller as they were.
+
+    The believed friction is ``sliding / safety``, so the safety becomes what is truly left of it; sliding and torsional
+    friction have to differ from the problem's by one factor for both beliefs to stay.
+    """
+    factor = sliding / problem.friction.sliding
+    return replace(
+        problem,
+        object=replace(problem.object, mass_kg=mass_kg),
+        friction=replace(
+            problem.friction,
+            sliding=sliding,
+            torsional_m=torsional_m,
+            safety=problem.friction.safety * factor,
+        ),
+    )
+
+
+def failed(report: ValidationReport) -> set[str]:
+    """Return the names of the checks that failed."""
+    return {check.name for check in report.failures}
