@@ -104,7 +104,8 @@ def plan(problem: Problem) -> Plan:
             "gait_not_supported",
             'only finger substitution is built yet; add "substitution" to gait.primitives',
         )
-    start = None if problem.start.is_auto else compute_contact_directions(problem.start.contacts_deg)  # type: ignore[arg-type]
+    contacts = problem.start.contacts_deg
+    start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
     return plan_rotation(hand, goal, start, problem.gait.node_budget)
 
 
@@ -139,7 +140,7 @@ def rollout(
 def build_options(problem: Problem, **changes: float) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
     options = ControlOptions(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
-    return replace(options, **changes)  # type: ignore[arg-type]
+    return replace(options, **changes)
 
 
 def validate(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:

@@ -50,7 +50,7 @@ class ControlOptions:
     object_gain: float = 2.0
     """Rate [1/s] at which the object's pose error moves the fingertips' targets."""
     relaxation: float = 0.15
-    """Time constant [s] in which a fingertip's carried pose follows the measured one: it lets go of squeeze that is not wanted."""
+    """Time constant [s] in which a fingertip's carried pose follows the measured one: unwanted squeeze goes."""
     joint_speed: float = 8.0
     """Fastest joint motion that mink may ask for [rad/s]."""
 

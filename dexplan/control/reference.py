@@ -44,7 +44,7 @@ class Timing:
     """Normal speed at which a finger meets the object [m/s]."""
     object_speed: float = float(np.radians(30.0))
     """Greatest angular speed of the object [rad/s]."""
-    drift: float = 18e-6
+    drift: float = 15e-6
     """Greatest drift of a carried contact [m/s] that a motion may cause, see ``contact_time``."""
     contact_time: float = 1e-3
     """A contact constraint of the simulator takes this long [s] to undo tangential velocity.  Its acceleration is J qdd: the
@@ -104,8 +104,8 @@ class Phase:
     """A stretch of the reference.
 
     ``holding`` (F,) says which fingers carry the object in the force QP, ``load_start`` and ``load_end`` (F,) how much of their
-    full load (0..1).  ``finger`` moves freely: from where it is along the ``postures`` (K, J), or along its contact normal over the
-    gap ``gap_start`` to ``gap_end`` [m] off ``X_OF`` (its landing pose in the object frame; None: wherever it is carried).
+    full load (0..1).  ``finger`` moves freely: from where it is along the ``postures`` (K, J), or along its contact normal over
+    the gap ``gap_start`` to ``gap_end`` [m] off ``X_OF`` (its landing pose in the object frame; None: wherever it is carried).
     """
 
     action_index: int

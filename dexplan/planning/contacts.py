@@ -185,7 +185,9 @@ class ContactTable:
     def needed_angle(self) -> str:
         """Return in words what two contacts need for force closure."""
         angle = np.degrees(np.pi - 2.0 * self.beta_max)
-        return f"{angle:.1f} deg or more apart, as force closure with the believed friction and a margin needs"
+        return (
+            f"{angle:.1f} deg or more apart, as force closure with the believed friction and a margin needs"
+        )
 
     def landings(self, finger: int, keep: Held, held: tuple[Held, ...]) -> list[Held]:
         """Return the most promising places for a free ``finger`` to land that hold with ``keep`` and clear all of ``held``.

@@ -155,9 +155,9 @@ def _measure_runs(
     carry, spin, limit = np.zeros(STATIONS, dtype=np.intp), np.zeros(STATIONS), [""] * STATIONS
     # What the step from each station to the next one asks: is it continuous, and how far does the last joint turn?
     step = np.roll(q, -sense, axis=0) - q
-    joined = (np.abs(step[:, :-1]) <= _JUMP).all(axis=1)
+    joined: NDArray[np.bool_] = np.abs(step[:, :-1]).max(axis=1) <= _JUMP
     turn = step[:, -1] - 2.0 * np.pi * np.round(step[:, -1] / (2.0 * np.pi))
-    reached, joined_list, turn_list = ok.tolist(), joined.tolist(), turn.tolist()
+    reached, joined_list, turn_list = list(ok), list(joined), turn.tolist()
     rolls = chain.has_tip_roll
     for k in np.flatnonzero(ok):
         value = low = high = float(q[k, -1])

@@ -75,8 +75,8 @@ def plan_rotation(
                     hand,
                     goal,
                     "start_unreachable",
-                    f"{hand.fingers[finger].name} cannot hold its start contact: it lies outside the finger's workspace or against "
-                    'a joint limit; move the contact towards the finger, or set start.contacts_deg = "auto"',
+                    f"{hand.fingers[finger].name} cannot hold its start contact: it lies outside the finger's workspace or "
+                    'against a joint limit; move the contact towards the finger, or set start.contacts_deg = "auto"',
                 )
         contacts = tuple(None if h is None else table.placement(h, 0) for h in held)
         touching = tuple(h for h in held if h is not None)
@@ -91,6 +91,11 @@ def plan_rotation(
                 contacts,
             )
     search = GaitSearch(table, node_budget)
+    if start is not None and (refusal := search.margins(grasps[0]).refusal):
+        reason = (
+            f"the start contacts do not hold the object: {refusal}; move them nearer to opposite, or {CURE}"
+        )
+        return _answer(hand, goal, "start_inadmissible", reason, contacts, (), search.statistics)
     node, status, why = search.run(grasps)
     if node is None:
         return _answer(hand, goal, status, why, contacts, (), search.statistics)

@@ -49,7 +49,9 @@ def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center
     # Even in what the fastest joint has to do, so that the way can be walked at a steady pace.
     length = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path, axis=0)).max(axis=1))])
     even = np.linspace(0.0, length[-1], SAMPLES)
-    return np.stack([np.interp(even, length, column) for column in path.T], axis=1) if length[-1] > 0.0 else path
+    return (
+        np.stack([np.interp(even, length, column) for column in path.T], axis=1) if length[-1] > 0.0 else path
+    )
 
 
 def compute_hover(

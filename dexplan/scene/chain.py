@@ -159,4 +159,4 @@ def compute_dexterity(chain: Chain, q: Array) -> Array:
     """
     J = np.array(compute_tip_jacobian(chain, q))
     J[..., :3, :] /= 0.06
-    return np.linalg.svd(J, compute_uv=False)[..., -1]
+    return np.asarray(np.linalg.svd(J, compute_uv=False)[..., -1], dtype=np.float64)

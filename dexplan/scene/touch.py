@@ -6,6 +6,7 @@ MuJoCo's contact frame has its normal from geom[0] to geom[1] and `mj_contactFor
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import mujoco
@@ -22,7 +23,8 @@ class Touches:
 
     ``active`` (F,); ``point_O`` (F, 3) [m] and ``rotation_O`` (F, 3, 3), columns t1, t2, n (into the object), in the object
     frame; ``force`` (F, 4) = (f_t1, f_t2, f_n, tau_n) [N, N m] on the object in that frame; ``slip_velocity`` (F, 3) = two
-    tangential [m/s] and the spin [rad/s] of the tip's surface relative to the object's; ``penetration`` (F,) [m].
+    tangential [m/s] and the spin [rad/s] of the tip's surface relative to the object's; ``penetration`` (F,) [m];
+    ``pole_angle`` (F,) [rad] between the tip's pole and the contact on the tip.
     """
 
     active: NDArray[np.bool_]
@@ -31,6 +33,7 @@ class Touches:
     force: Array
     slip_velocity: Array
     penetration: Array
+    pole_angle: Array
 
 
 def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
@@ -39,20 +42,19 @@ def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
     active = np.zeros(n, dtype=bool)
     point, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
     force, slip = np.full((n, 4), np.nan), np.full((n, 3), np.nan)
-    penetration = np.full(n, np.nan)
+    penetration, pole_angle = np.full(n, np.nan), np.full(n, np.nan)
     if data.ncon:
         geoms, dist = data.contact.geom, data.contact.dist
         R_WO = data.xmat[scene.object_body].reshape(3, 3)
         p_WO = data.xpos[scene.object_body]
         for i, tip in enumerate(scene.tip_geoms):
-            hits = np.flatnonzero(
-                ((geoms[:, 0] == tip) & (geoms[:, 1] == scene.object_geom))
-                | ((geoms[:, 1] == tip) & (geoms[:, 0] == scene.object_geom))
+            pair = ((geoms[:, 0] == tip) & (geoms[:, 1] == scene.object_geom)) | (
+                (geoms[:, 1] == tip) & (geoms[:, 0] == scene.object_geom)
             )
-            hits = [k for k in hits if data.contact.efc_address[k] >= 0]
+            hits = [int(k) for k in np.flatnonzero(pair) if data.contact.efc_address[k] >= 0]
             if not hits:
                 continue
-            k = int(min(hits, key=lambda h: dist[h]))
+            k = min(hits, key=lambda h: dist[h])
             R_CW = data.contact.frame[k].reshape(3, 3)
             wrench = np.zeros(6)
             mujoco.mj_contactForce(model, data, k, wrench)
@@ -68,7 +70,11 @@ def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
             v, w = _relative_velocity(model, data, int(model.geom_bodyid[tip]), scene.object_body, p_W)
             slip[i] = [R_WC[:, 0] @ v, R_WC[:, 1] @ v, R_WC[:, 2] @ w]
             penetration[i] = -dist[k]
-    return Touches(active, point, rotation, force, slip, penetration)
+            pole = data.site_xmat[scene.tip_sites[i]][2::3]
+            pole_angle[i] = math.atan2(
+                float(np.linalg.norm(cross(pole, R_WC[:, 2]))), float(pole @ R_WC[:, 2])
+            )
+    return Touches(active, point, rotation, force, slip, penetration, pole_angle)
 
 
 def compute_static_normal_force(scene: Scene, data: mujoco.MjData, finger: int) -> float:

@@ -155,11 +155,12 @@ def _observe(scene: Scene, data: mujoco.MjData) -> Observation:
     R = np.empty(9)
     mujoco.mju_quat2Mat(R, data.qpos[address + 3 : address + 7])
     X_WO = make_pose(R.reshape(3, 3), data.qpos[address : address + 3])
-    touching = np.zeros(scene.n_fingers, dtype=bool)
+    touched: set[int] = set()
     if data.ncon:
-        geoms = data.contact.geom[data.contact.dist < 0.0]
-        with_object = geoms[(geoms == scene.object_geom).any(axis=1)]
-        touching = np.isin(scene.tip_geoms, with_object)
+        for (a, b), distance in zip(data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True):
+            if distance < 0.0 and scene.object_geom in (a, b):
+                touched.add(b if a == scene.object_geom else a)
+    touching = np.array([tip in touched for tip in scene.tip_geoms.tolist()])
     return Observation(data.time, data.qpos[scene.joint_qpos], data.qvel[scene.joint_dof], X_WO, touching)
 
 
@@ -167,10 +168,9 @@ def _record(
     rows: dict[str, list[Any]], scene: Scene, data: mujoco.MjData, command: Command, touches: Touches
 ) -> None:
     reference = np.full((scene.n_fingers, 4), np.nan)
-    R_WO = np.empty(9)
-    mujoco.mju_quat2Mat(R_WO, data.qpos[scene.object_qpos + 3 : scene.object_qpos + 7])
-    R_WO = R_WO.reshape(3, 3)
-    angle = np.full(scene.n_fingers, np.nan)
+    flat = np.empty(9)
+    mujoco.mju_quat2Mat(flat, data.qpos[scene.object_qpos + 3 : scene.object_qpos + 7])
+    R_WO = flat.reshape(3, 3)
     for i in np.flatnonzero(touches.active):
         R_WC = R_WO @ touches.rotation_O[i]
         reference[i, :3] = R_WC.T @ command.forces_W[i, :3]
@@ -189,7 +189,7 @@ def _record(
         "contact_force": touches.force,
         "contact_force_reference": reference,
         "contact_slip_velocity": touches.slip_velocity,
-        "tip_contact_angle": angle,
+        "tip_contact_angle": touches.pole_angle,
         "qp_status": 0 if command.qp is None or command.qp.is_solved else 1,
         "qp_wrench_residual": 0.0 if command.qp is None else float(np.abs(command.qp.wrench_residual).max()),
         "tip_tracking_error": command.tip_error,

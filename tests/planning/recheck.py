@@ -18,7 +18,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Action, Placement, Plan
 from dexplan.planning.travel import build_travel
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose, solve_ik
-from dexplan.spatial import Array, invert_pose, rotate_about
+from dexplan.spatial import Array, build_frame, rotate_about
 
 SAMPLE = np.radians(2.0)
 JUMP = 0.30
@@ -127,9 +127,13 @@ class Recheck:
         touching = np.allclose(surface.closest(placed.normal_O), placed.point_O, atol=1e-9)
         self._expect(name, touching, f"{who}: the contact is off the surface")
         center = placed.point_O + radius * placed.normal_O
-        self._expect(name, np.allclose(placed.X_OF[:3, 3], center, atol=1e-6), f"{who}: the tip does not touch")
+        self._expect(
+            name, np.allclose(placed.X_OF[:3, 3], center, atol=1e-6), f"{who}: the tip does not touch"
+        )
         X_WF = compute_tip_pose(self.hand.fingers[placed.finger].chain, placed.q)
-        self._expect(name, np.allclose(X_WF, self._X_WO @ placed.X_OF, atol=1e-5), f"{who}: posture elsewhere")
+        self._expect(
+            name, np.allclose(X_WF, self._X_WO @ placed.X_OF, atol=1e-5), f"{who}: posture elsewhere"
+        )
         self._q[placed.finger] = placed.q
 
     def _carry(self, name: str, contact: Placement, X_WO: Array) -> None:
@@ -190,7 +194,9 @@ class Recheck:
             self._expect(name, bool(reached[0]), f"finger {f + 1} cannot come down along the normal")
             q = solved[0]
             rows.append(q)
-        self._expect(name, np.allclose(q, placed.q, atol=1e-4), f"finger {f + 1} comes down on another branch")
+        self._expect(
+            name, np.allclose(q, placed.q, atol=1e-4), f"finger {f + 1} comes down on another branch"
+        )
         return np.stack(rows)
 
     def _check_path(self, name: str, finger: int, path: Array, touching: tuple[int, ...]) -> None:
@@ -208,12 +214,7 @@ class Recheck:
 
 def build_grasp(contacts: list[Placement], friction: SoftFinger) -> Grasp:
     """Return the grasp of these contacts, all of them soft."""
-    return Grasp(tuple(Contact.on_normal(c.point_O, c.normal_O, friction) for c in contacts))
-
-
-def carry_contact(X_WO: Array, X_WF: Array) -> Array:
-    """Return the tip's pose in the object frame."""
-    return invert_pose(X_WO) @ X_WF
+    return Grasp(tuple(Contact(c.finger, c.point_O, build_frame(-c.normal_O), friction) for c in contacts))
 
 
 def _order(points: list[Array]) -> tuple[int, ...]:

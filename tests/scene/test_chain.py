@@ -114,7 +114,9 @@ def test_wrap_moves_whole_turns_towards_the_middle(scene: Scene) -> None:
     turns = np.random.default_rng(2).integers(-3, 4, q.shape)
     wrapped = wrap_to_limits(chain, q + 2.0 * np.pi * turns)
     assert np.allclose(wrapped, q, atol=1e-9)
-    assert np.allclose(compute_tip_pose(chain, q + 2.0 * np.pi * turns), compute_tip_pose(chain, q), atol=1e-9)
+    assert np.allclose(
+        compute_tip_pose(chain, q + 2.0 * np.pi * turns), compute_tip_pose(chain, q), atol=1e-9
+    )
 
 
 def test_joint_margin_is_the_nearest_limit(scene: Scene) -> None:
@@ -144,7 +146,9 @@ def test_last_hinge_is_the_spin_about_the_pole(scene: Scene) -> None:
         X = finger.pose_at(q)
         turned = finger.pose_at(q + 0.3 * np.eye(6)[5])
         assert np.allclose(turned[:3, 3], X[:3, 3], atol=1e-12)
-        assert np.allclose(turned[:3, :3], X[:3, :3] @ rotate_about([0.0, 0.0, chain.roll_sign], 0.3), atol=1e-12)
+        assert np.allclose(
+            turned[:3, :3], X[:3, :3] @ rotate_about([0.0, 0.0, chain.roll_sign], 0.3), atol=1e-12
+        )
 
 
 def test_a_chain_without_tip_roll_says_so(scene: Scene) -> None:

@@ -74,7 +74,9 @@ def test_everything_is_named(name: str) -> None:
         "mesh": model.nmesh,
         "texture": model.ntex,
     }
-    nameless = [f"{kind} {k}" for kind, n in kinds.items() for k in range(n) if not getattr(model, kind)(k).name]
+    nameless = [
+        f"{kind} {k}" for kind, n in kinds.items() for k in range(n) if not getattr(model, kind)(k).name
+    ]
     assert not nameless
 
 
@@ -137,7 +139,15 @@ def test_motors_and_joints_are_modest(scene: Scene, finger: str) -> None:
 
 def test_masses(scene: Scene) -> None:
     model = scene.model
-    expected = {"": 0.2, "link_1": 0.030, "link_2": 0.045, "link_3": 0.025, "link_4": 0.028, "link_5": 0.008, "link_6": 0.018}
+    expected = {
+        "": 0.2,
+        "link_1": 0.030,
+        "link_2": 0.045,
+        "link_3": 0.025,
+        "link_4": 0.028,
+        "link_5": 0.008,
+        "link_6": 0.018,
+    }
     for finger in FINGERS:
         assert {b: round(float(model.body(f"{finger}/{b}").mass[0]), 9) for b in expected} == expected
     assert float(model.body_mass.sum()) == pytest.approx(3 * 0.354 + 0.060)
@@ -254,7 +264,8 @@ def test_joint_ranges_are_honoured_for_that_joint_only() -> None:
 
 def test_unknown_joint_is_refused_with_the_known_ones() -> None:
     with pytest.raises(
-        UnknownNameError, match=r"unknown joint 'finger_1\.elbow'; known: finger_1\.joint_1, .*finger_3\.joint_6"
+        UnknownNameError,
+        match=r"unknown joint 'finger_1\.elbow'; known: finger_1\.joint_1, .*finger_3\.joint_6",
     ):
         build_model_xml(SceneParameters(joint_ranges_deg=(("finger_1.elbow", 0.0, 1.0),)))
 
@@ -330,7 +341,8 @@ def test_overlap_of_the_hand_is_a_contact(
 
 
 @pytest.mark.parametrize(
-    "part", ["base", "link_1", "link_2", "link_3", "link_4_root", "link_4", "link_4_fork", "link_5", "stem", "tip"]
+    "part",
+    ["base", "link_1", "link_2", "link_3", "link_4_root", "link_4", "link_4_fork", "link_5", "stem", "tip"],
 )
 @pytest.mark.parametrize("finger", FINGERS)
 def test_object_touches_every_part_of_a_finger(scene: Scene, finger: str, part: str) -> None:
@@ -358,7 +370,7 @@ def test_obstacles_touch_tip_link_and_object(scene: Scene) -> None:
     }
     # Beside the centre of the part: the direction of a contact between two coincident centres is not defined.
     obstacles = tuple(
-        Obstacle(kind, tuple(data.geom(name).xpos + [0.0, 0.0, -0.004]), size[kind])
+        Obstacle(kind, tuple(data.geom(name).xpos - 0.004 * np.eye(3)[2]), size[kind])
         for name, kind in wanted.items()
     )
     crowded = load_scene_with(replace(SceneParameters(), obstacles=obstacles))

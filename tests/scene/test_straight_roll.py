@@ -56,7 +56,10 @@ def _roll_everywhere(scene: Scene, finger: int, is_flipped: bool) -> Roll:
     tangents = np.cos(angles) * frame[:, 0] + np.sin(angles) * frame[:, 1]
     axes = np.cross(outward, tangents)
     R_start = compute_tip_pose(chain, q)[:, :3, :3]
-    path, exact = np.full((DEMANDED + 1, n_azimuths, 6), np.nan), np.ones((DEMANDED + 1, n_azimuths), dtype=bool)
+    path, exact = (
+        np.full((DEMANDED + 1, n_azimuths, 6), np.nan),
+        np.ones((DEMANDED + 1, n_azimuths), dtype=bool),
+    )
     path[0] = q
     for k in range(1, DEMANDED + 1):
         s = np.radians(k)

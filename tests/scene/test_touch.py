@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from dexplan.scene.chain import compute_tip_jacobian, solve_ik
 from dexplan.scene.library import load_scene
 from dexplan.scene.scene import Scene, scene_from_xml
 from dexplan.scene.touch import Touches, compute_static_normal_force, read_touches
 from dexplan.scene.workspace import compute_aligned_pose
-from dexplan.scene.chain import compute_tip_jacobian, solve_ik
 from dexplan.spatial import GRAVITY, Array, direction_from_angles, make_pose, rotate_about
 
 DEPTHS = (30e-6, 60e-6, 90e-6)
@@ -35,7 +35,9 @@ def _with_object_first(xml: str) -> str:
 @pytest.fixture(scope="module", params=["object second", "object first"])
 def scene(request: pytest.FixtureRequest) -> Scene:
     scene = load_scene()
-    return scene if request.param == "object second" else scene_from_xml("turned", _with_object_first(scene.xml))
+    return (
+        scene if request.param == "object second" else scene_from_xml("turned", _with_object_first(scene.xml))
+    )
 
 
 def _press(scene: Scene, fingers: tuple[int, ...]) -> tuple[mujoco.MjData, Array, Array]:
@@ -62,7 +64,10 @@ def _force_W(touches: Touches, finger: int) -> Array:
 def _torque_W(touches: Touches, finger: int) -> Array:
     """Return the torque about the object's centre."""
     arm = R_WO @ touches.point_O[finger]
-    return np.cross(arm, _force_W(touches, finger)) + R_WO @ touches.rotation_O[finger][:, 2] * touches.force[finger, 3]
+    return (
+        np.cross(arm, _force_W(touches, finger))
+        + R_WO @ touches.rotation_O[finger][:, 2] * touches.force[finger, 3]
+    )
 
 
 def test_geometry_of_a_touch(scene: Scene) -> None:
@@ -70,7 +75,13 @@ def test_geometry_of_a_touch(scene: Scene) -> None:
     mujoco.mj_forward(scene.model, data)
     touches = read_touches(scene, data)
     assert touches.active.tolist() == [True, False, True]
-    for column in (touches.point_O, touches.rotation_O, touches.force, touches.slip_velocity, touches.penetration):
+    for column in (
+        touches.point_O,
+        touches.rotation_O,
+        touches.force,
+        touches.slip_velocity,
+        touches.penetration,
+    ):
         assert np.isnan(column[1]).all()
     for i in (0, 2):
         # The normal looks into the object; the point lies half the depth below both surfaces.

@@ -1,0 +1,414 @@
+"""What the hand can do around its object: maps of reach and force closure, and the load of every pair of fingers.
+
+The maps are the paper's regions on the object's surface: where finger i can touch (CWS_i), where a partner of its contacts
+would have to be (FC_i), where it can hold with one partner (CWS_i_j) and with either of two (CWS_i_jk, the double
+force-closure region).  Whether a force-closed pair also carries *this* object with *these* joints is another question; its
+answers stand below, pair by pair.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dexplan.planning.admissible import Admissibility
+from dexplan.planning.hand import HandModel
+from dexplan.planning.regions import Regions, compute_pair_angle_max, compute_regions
+from dexplan.scene.chain import compute_joint_margin
+from dexplan.scene.workspace import compute_aligned_pose
+from dexplan.spatial import Array, angles_from_direction, direction_from_angles
+from dexplan.viz.palette import ALARM, INK, as_rgb, get_finger_color
+
+DIRECTIONS = 9000
+"""Sampled directions of the maps."""
+PIXEL_DEG = 1.5
+STATION_DEG = 6.0
+"""Spacing of the placements on the equator whose loads are computed."""
+PLACEMENTS = 120
+"""At most so many placements per pair are asked about, spread over their angles."""
+HATCH, LOST = "#AAAAAA", "#DDDDDD"
+"""FC regions; what a finger reaches but cannot hold with the partner asked for."""
+BELOW_DEG = 8.0
+"""Pairs this far below the smallest force-closed angle are still asked about, to show where the load gives out."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairLoads:
+    """Two fingers holding the object at home, the others at home: one row per placement of both on the equator.
+
+    ``angle`` (N,) between the outward normals [rad]; ``load`` (N,) share of the believed cone left, ``torque`` (N,) largest
+    share of a torque limit, both NaN where nothing carries the load; ``is_admissible`` (N,); ``refusals`` counts the others
+    by reason.
+    """
+
+    fingers: tuple[int, int]
+    angle: Array
+    load: Array
+    torque: Array
+    is_admissible: NDArray[np.bool_]
+    refusals: dict[str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """All that the picture and the text of a hand are made from; ``azimuths`` (F,) are the fingers' own [deg]."""
+
+    regions: Regions
+    azimuths: Array
+    phi_min: float
+    loads: tuple[PairLoads, ...]
+
+
+@lru_cache(maxsize=1)
+def compute_reach(hand: HandModel) -> Reach:
+    """Return regions and pair loads of ``hand`` with the object at home; the last hand's are kept."""
+    center = hand.object.X_WO_home[:3, 3]
+    home = np.stack([finger.pose_at(finger.q_home)[:3, 3] - center for finger in hand.fingers])
+    azimuths, _ = angles_from_direction(home / np.linalg.norm(home, axis=1, keepdims=True))
+    phi_min = math.pi - 2.0 * compute_pair_angle_max(hand.friction)
+    stations = [_find_stations(hand, i) for i in range(len(hand.fingers))]
+    judge = Admissibility(hand)
+    return Reach(
+        regions=compute_regions(hand, center, DIRECTIONS),
+        azimuths=azimuths,
+        phi_min=phi_min,
+        loads=tuple(
+            _compute_pair(hand, judge, pair, stations, phi_min)
+            for pair in combinations(range(len(hand.fingers)), 2)
+        ),
+    )
+
+
+def _find_stations(hand: HandModel, finger: int) -> tuple[Array, Array]:
+    """Return the equatorial normals (K, 3) that a finger reaches, and its postures there (K, J)."""
+    description, workspace = hand.fingers[finger], hand.workspaces[finger]
+    normals = direction_from_angles(azimuth := np.arange(0.0, 360.0, STATION_DEG), np.zeros_like(azimuth))
+    radius = float(np.linalg.norm(hand.object.surface.closest(normals[0])))
+    if not len(workspace.postures):
+        return normals[:0], np.zeros((0, description.chain.n_joints))
+    X_WF = compute_aligned_pose(hand.object.X_WO_home[:3, 3], normals, radius + description.tip_radius)
+    q, reached = workspace.solve(X_WF)
+    if description.chain.has_tip_roll:
+        q[:, -1] = 0.5 * (description.chain.lower[-1] + description.chain.upper[-1])
+    reached &= compute_joint_margin(description.chain, q) >= hand.limits.joint_margin
+    return normals[reached], q[reached]
+
+
+def _compute_pair(
+    hand: HandModel,
+    judge: Admissibility,
+    pair: tuple[int, int],
+    stations: list[tuple[Array, Array]],
+    phi_min: float,
+) -> PairLoads:
+    (normals_i, q_i), (normals_j, q_j) = (stations[f] for f in pair)
+    angles = np.arccos(np.clip(normals_i @ normals_j.T, -1.0, 1.0))
+    rows = np.argwhere(angles >= phi_min - math.radians(BELOW_DEG))
+    rows = rows[np.argsort(angles[tuple(rows.T)], kind="stable")]
+    if len(rows) > PLACEMENTS:
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, PLACEMENTS).round().astype(int))]
+    margins, refusals = [], dict[str, int]()
+    for a, b in rows:
+        q = hand.q_home.copy()
+        q[pair[0]], q[pair[1]] = q_i[a], q_j[b]
+        margins.append(m := judge.compute_margins(q, hand.object.X_WO_home, pair))
+        if not m.is_admissible:
+            refusals[m.refusal] = refusals.get(m.refusal, 0) + 1
+    load, torque = np.array([(m.load, m.torque) for m in margins]).reshape(-1, 2).T
+    return PairLoads(
+        fingers=pair,
+        angle=angles[tuple(rows.T)],
+        load=np.where(np.isfinite(load), load, np.nan),
+        torque=np.where(np.isfinite(torque), torque, np.nan),
+        is_admissible=np.array([m.is_admissible for m in margins], dtype=bool),
+        refusals=refusals,
+    )
+
+
+# -- numbers -----------------------------------------------------------------------------------------------------------------
+
+
+def describe_reach(hand: HandModel) -> str:
+    """Return in words and numbers what ``hand`` reaches and carries, a line per finger and a line per pair."""
+    reach = compute_reach(hand)
+    friction, limits = hand.friction, hand.limits
+    lines = [
+        f"believed friction: sliding {friction.sliding:.3f}, torsional {1e3 * friction.torsional:.2f} mm; "
+        f"two contacts are force closed from {math.degrees(reach.phi_min):.1f} deg apart",
+        "",
+        "reach with the tip's pole on the contact (joint margin "
+        f"{math.degrees(limits.joint_margin):.0f} deg, away from singular postures)",
+        "            of the surface   azimuth from its own   elevation           any orientation   double region",
+    ]
+    others = [[j for j in range(len(hand.fingers)) if j != i] for i in range(len(hand.fingers))]
+    for i, (finger, workspace) in enumerate(zip(hand.fingers, hand.workspaces, strict=True)):
+        area = reach.regions.reach[i].mean()
+        double = np.zeros_like(reach.regions.reach[i])
+        for j, k in combinations(others[i], 2):
+            double |= reach.regions.double(i, j, k)
+        lines.append(
+            f"  {finger.name:<9} {100 * area:4.1f} % {4 * math.pi * area:5.2f} sr   "
+            f"{_describe_span(reach, i):<44}"
+            f"{f'{workspace.dextrous_positions} of {workspace.sampled_positions}':<18}{100 * double.mean():4.1f} %"
+        )
+    lines += [
+        "  (any orientation: sampled tip positions that are reached with every pole and any spin)",
+        "",
+        "two fingers holding on the equator, the object at home at rest, the others at home",
+        "            admissible   smallest angle   largest load margin   torque share   most refusals",
+    ]
+    lines += [_describe_pair(hand, loads) for loads in reach.loads]
+    return "\n".join(lines)
+
+
+def _describe_span(reach: Reach, finger: int) -> str:
+    mask = reach.regions.reach[finger]
+    if not mask.any():
+        return "nothing"
+    azimuth, elevation = angles_from_direction(reach.regions.directions[mask])
+    off = _wrap(azimuth - reach.azimuths[finger])
+    # Near the poles azimuth says nothing.
+    off = off[np.abs(elevation) < 60.0] if (np.abs(elevation) < 60.0).any() else off
+    return f"{off.min():+4.0f} to {off.max():+4.0f} deg         {elevation.min():+4.0f} to {elevation.max():+4.0f} deg"
+
+
+def _describe_pair(hand: HandModel, loads: PairLoads) -> str:
+    names = " ".join(hand.fingers[f].name.removeprefix("finger_") for f in loads.fingers)
+    ok = loads.is_admissible
+    line = f"  fingers {names}  {ok.sum():3d} of {len(ok):<4d}"
+    if ok.any():
+        best = int(np.nanargmax(np.where(ok, loads.load, np.nan)))
+        line += (
+            f"  {np.degrees(loads.angle[ok].min()):6.0f} deg        "
+            f"{loads.load[best]:.2f} at {np.degrees(loads.angle[best]):.0f} deg       "
+            f"{np.nanmin(loads.torque[ok]):.2f} to {np.nanmax(loads.torque[ok]):.2f}"
+        )
+    else:
+        line += f"{'none':>8}"
+    if loads.refusals:
+        reason = max(loads.refusals, key=lambda r: loads.refusals[r])
+        line += f"   {reason}"
+    return line
+
+
+def _wrap(angle_deg: Array) -> Array:
+    return (angle_deg + 180.0) % 360.0 - 180.0
+
+
+# -- picture -----------------------------------------------------------------------------------------------------------------
+
+
+def draw_reach(hand: HandModel, path: str | os.PathLike[str]) -> Path:
+    """Write the maps of ``hand`` and its pair loads as a PNG, whole or not at all; return its path."""
+    reach, n = compute_reach(hand), len(hand.fingers)
+    columns = _list_maps(n)
+    n_columns = max(len(row) for row in columns)
+    figure = Figure(figsize=(4.1 * n_columns + 0.6, 2.45 * n + 5.2), dpi=100, facecolor="white")
+    canvas = FigureCanvasAgg(figure)
+    height = figure.get_figheight()
+    top, split = 1.0 - 1.15 / height, 4.1 / height
+    maps = figure.add_gridspec(
+        n, n_columns, left=0.05, right=0.985, top=top, bottom=split + 0.55 / height, hspace=0.42, wspace=0.14
+    )
+    for i, row in enumerate(columns):
+        for column, (title, partners) in enumerate(row):
+            _draw_map(figure.add_subplot(maps[i, column]), reach, i, partners, title, column == 0)
+    if reach.loads:
+        bottom = figure.add_gridspec(
+            1,
+            len(reach.loads),
+            left=0.05,
+            right=0.985,
+            top=split - 0.55 / height,
+            bottom=0.6 / height,
+            wspace=0.10,
+        )
+        for k, loads in enumerate(reach.loads):
+            _draw_loads(figure.add_subplot(bottom[0, k]), hand, reach, loads, k == 0)
+    _write_headings(figure, hand, reach, split)
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
+    try:
+        canvas.print_png(partial)
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
+    return target
+
+
+def _list_maps(n: int) -> list[list[tuple[str, tuple[int, ...]]]]:
+    """Return per finger the titles of its maps and the partners that each asks for; no partners: reach and FC."""
+    rows = []
+    for i in range(n):
+        others = [j for j in range(n) if j != i]
+        row: list[tuple[str, tuple[int, ...]]] = [(f"finger {i + 1} can touch: CWS$_{i + 1}$", ())]
+        row += [(f"{i + 1} holds with {j + 1}: CWS$_{{{i + 1},{j + 1}}}$", (j,)) for j in others]
+        row += [
+            (f"{i + 1} holds with {j + 1} and with {k + 1}: CWS$_{{{i + 1},{j + 1}{k + 1}}}$", (j, k))
+            for j, k in combinations(others, 2)
+        ]
+        rows.append(row)
+    return rows
+
+
+def _draw_map(
+    ax: Axes, reach: Reach, finger: int, partners: tuple[int, ...], title: str, is_first: bool
+) -> None:
+    """Draw one region over azimuth and elevation; the finger's own azimuth is in the middle."""
+    regions, middle = reach.regions, float(reach.azimuths[finger])
+    azimuth = np.arange(-180.0 + PIXEL_DEG / 2, 180.0, PIXEL_DEG)
+    elevation = np.arange(-90.0 + PIXEL_DEG / 2, 90.0, PIXEL_DEG)
+    grid = direction_from_angles(*np.meshgrid(azimuth + middle, elevation))
+    _, nearest = cKDTree(regions.directions).query(grid.reshape(-1, 3))
+    nearest = nearest.reshape(grid.shape[:2])
+    color = get_finger_color(finger)
+    inside = regions.reach[finger].copy()
+    for partner in partners:
+        inside &= regions.closure[partner]
+    own = regions.reach[finger][nearest].astype(float)
+    picture = np.zeros((*nearest.shape, 4))  # transparent
+    if not partners:
+        # Where a partner of this finger would have to touch.
+        closure = regions.closure[finger][nearest].astype(float)
+        hatch = ax.contourf(azimuth, elevation, closure, [0.5, 1.5], colors="none", hatches=["///"], zorder=1)
+        hatch.set_edgecolor(HATCH)
+        hatch.set_linewidth(0.0)
+    else:
+        picture[own > 0.5] = [*as_rgb(LOST), 1.0]
+    picture[inside[nearest]] = [*as_rgb(color), 1.0]
+    ax.imshow(
+        picture,
+        extent=(-180.0, 180.0, -90.0, 90.0),
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+        zorder=2,
+    )
+    ax.contour(azimuth, elevation, own, [0.5], colors=[INK], linewidths=0.8, zorder=3)
+    for other, own_azimuth in enumerate(reach.azimuths):
+        place = float(_wrap(own_azimuth - middle))
+        ax.plot(
+            [place], [0.0], marker="o", markersize=6, color=get_finger_color(other), zorder=4,
+            markeredgecolor="white", markeredgewidth=1.0,
+        )  # fmt: skip
+    ax.set_xlim(-180.0, 180.0)
+    ax.set_ylim(-90.0, 90.0)
+    ticks = np.arange(-180.0, 181.0, 60.0)
+    ax.set_xticks(ticks, [f"{round(float(_wrap(t + middle)))}°" for t in ticks], fontsize=8)
+    ax.set_yticks([-60, -30, 0, 30, 60], ["-60°", "-30°", "0°", "30°", "60°"] if is_first else [], fontsize=8)
+    ax.grid(color="#BBBBBB", linewidth=0.4, zorder=2)
+    ax.set_title(f"{title}, {100 * inside.mean():.0f} %", fontsize=10, color=INK)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def _draw_loads(ax: Axes, hand: HandModel, reach: Reach, loads: PairLoads, is_first: bool) -> None:
+    i, j = loads.fingers
+    ok, phi = loads.is_admissible, np.degrees(loads.angle)
+    low = math.degrees(reach.phi_min) - BELOW_DEG
+    ax.axvspan(low, math.degrees(reach.phi_min), color="#F0F0F0", linewidth=0.0, zorder=0)
+    ax.axvline(math.degrees(reach.phi_min), color=INK, linewidth=1.0, linestyle="--", zorder=1)
+    ax.axhline(hand.limits.torque_share, color=ALARM, linewidth=1.0, linestyle=":", zorder=1)
+    # Torques depend on where a pair stands, not on its angle alone; a little sideways shift tells placements apart.
+    shift = np.random.default_rng(0).uniform(-0.8, 0.8, len(phi))
+    ax.plot(
+        phi[ok], loads.load[ok], marker="o", linestyle="", markersize=8, zorder=3,
+        color=get_finger_color(i), markeredgecolor=get_finger_color(j), markeredgewidth=2.4,
+    )  # fmt: skip
+    ax.plot(
+        (phi + shift)[ok], loads.torque[ok], marker=".", linestyle="", markersize=5, color=ALARM, zorder=2
+    )
+    ax.plot(
+        (phi + shift)[~ok], np.full((~ok).sum(), -0.05), marker="x", linestyle="", markersize=5,
+        color="#777777", zorder=3,
+    )  # fmt: skip
+    if ok.any():
+        smallest = float(phi[ok].min())
+        ax.annotate(
+            f"admissible from {smallest:.0f}°",
+            (smallest, 0.0),
+            xytext=(smallest + 3.0, -0.05),
+            fontsize=9,
+            ha="left",
+            va="center",
+            color=INK,
+            zorder=5,
+        )
+    ax.set_xlim(low, 182.0)
+    ax.set_ylim(-0.1, 1.0)
+    ax.set_title(f"fingers {i + 1} and {j + 1}: {ok.sum()} of {len(ok)} placements admissible", fontsize=10)
+    ax.set_xlabel("angle between the two contacts", fontsize=9)
+    ax.xaxis.set_major_formatter("{x:.0f}°")
+    ax.tick_params(labelsize=8, labelleft=is_first)
+    if is_first:
+        ax.set_ylabel("share [–]", fontsize=9)
+    ax.grid(color="#DDDDDD", linewidth=0.5)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def _write_headings(figure: Figure, hand: HandModel, reach: Reach, split: float) -> None:
+    height = figure.get_figheight()
+    figure.text(
+        0.05, 1.0 - 0.30 / height, "What the hand can do here", fontsize=16, weight="bold", va="center"
+    )
+    figure.text(
+        0.05,
+        1.0 - 0.60 / height,
+        "Regions on the object at home, azimuth across and elevation up, as shares of its surface.",
+        fontsize=10.5,
+        va="center",
+    )
+    radius = 1e3 * float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
+    figure.text(
+        0.05,
+        split,
+        f"Load per pair: a {1e3 * hand.object.mass:.0f} g object of {radius:.0f} mm held by two fingers on its equator, "
+        f"believed friction {hand.friction.sliding:.2f} and {1e3 * hand.friction.torsional:.1f} mm; "
+        f"force closure from {math.degrees(reach.phi_min):.1f}°",
+        fontsize=10.5,
+        va="center",
+    )
+    bases = [
+        Line2D([], [], marker="o", linestyle="", color=get_finger_color(k), label=f"place of finger {k + 1}")
+        for k in range(len(hand.fingers))
+    ]
+    keys = [
+        *bases,
+        Patch(facecolor="white", edgecolor=INK, label="can touch (outline)"),
+        Patch(facecolor="white", edgecolor=INK, hatch="////", label="FC: a partner may touch here"),
+    ]
+    figure.legend(
+        handles=keys, loc="center right", bbox_to_anchor=(0.99, 1.0 - 0.45 / height), ncols=len(keys),
+        frameon=False, fontsize=9, columnspacing=1.2, handletextpad=0.5,
+    )  # fmt: skip
+    marks = [
+        Line2D(
+            [],
+            [],
+            marker="o",
+            linestyle="",
+            color="white",
+            markeredgecolor=INK,
+            label="load margin, admissible",
+        ),
+        Line2D([], [], marker=".", linestyle="", color=ALARM, label="largest torque share; dotted: limit"),
+        Line2D([], [], marker="x", linestyle="", color="#777777", label="refused"),
+    ]
+    figure.legend(
+        handles=marks, loc="center right", bbox_to_anchor=(0.99, split - 0.22 / height), ncols=3,
+        frameon=False, fontsize=9, columnspacing=1.2, handletextpad=0.5,
+    )  # fmt: skip

@@ -1,0 +1,110 @@
+"""Maps of reach: numbers against the closed form of a pair's load, and a picture that shows every finger."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from dexplan.contact.friction import SoftFinger
+from dexplan.planning.hand import HandModel
+from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
+from dexplan.scene.library import load_scene
+from dexplan.scene.probe import HandProbe
+from dexplan.scene.workspace import Workspace
+from dexplan.viz import maps
+from dexplan.viz.maps import compute_reach, describe_reach, draw_reach
+from dexplan.viz.palette import as_rgb, get_finger_color
+
+MU, MU_T = 0.55 / 1.3, 0.0025 / 1.3
+
+
+@pytest.fixture(scope="module")
+def hand() -> HandModel:
+    """The built-in hand with workspaces of a few hundred postures around home: seeds enough, made in no time."""
+    scene, workspaces = load_scene(), []
+    for finger in scene.fingers:
+        rng = np.random.default_rng(0)
+        q = finger.q_home + rng.uniform(-0.9, 0.9, (4000, 6))
+        q[:, -1] = 0.0
+        q = q[compute_joint_margin(finger.chain, q) > 0.1]
+        X = compute_tip_pose(finger.chain, q)
+        zeros = np.zeros(len(q))
+        workspaces.append(
+            Workspace(
+                finger.chain, q, X[:, :3, 3], X[:, :3, 2], zeros, np.stack([zeros, zeros], axis=1), 0, len(q)
+            )
+        )
+    return HandModel(
+        scene.fingers, scene.object, tuple(workspaces), SoftFinger(MU, MU_T), HandProbe(scene)
+    )  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(maps, "DIRECTIONS", 1500)
+    monkeypatch.setattr(maps, "PLACEMENTS", 40)
+
+
+def test_regions_and_pairs_cover_the_hand(hand: HandModel) -> None:
+    reach = compute_reach(hand)
+    assert reach.regions.reach.shape == (3, 1500)
+    assert [loads.fingers for loads in reach.loads] == [(0, 1), (0, 2), (1, 2)]
+    assert np.allclose(reach.azimuths, [0.0, 120.0, -120.0], atol=1e-4)
+    assert np.degrees(reach.phi_min) == pytest.approx(180.0 - 2.0 * np.degrees(np.arctan(MU)))
+    assert compute_reach(hand) is reach
+
+
+def test_no_pair_below_the_force_closed_angle_is_admissible(hand: HandModel) -> None:
+    reach = compute_reach(hand)
+    for loads in reach.loads:
+        assert loads.is_admissible.any()
+        assert (loads.angle[loads.is_admissible] > reach.phi_min).all()
+        assert np.isfinite(loads.load[loads.is_admissible]).all()
+        assert sum(loads.refusals.values()) == (~loads.is_admissible).sum()
+
+
+def test_load_margin_is_that_of_the_closed_form(hand: HandModel) -> None:
+    """Opposite contacts carry the weight by friction alone: utilisation mg / (2 mu N) at the planner's squeeze N."""
+    loads = compute_reach(hand).loads[0]
+    opposite = loads.is_admissible & (loads.angle > np.radians(179.0))
+    assert opposite.any()
+    used = 0.060 * 9.81 / (2.0 * MU * hand.normal_force)
+    assert np.allclose(loads.load[opposite], 1.0 - used, atol=0.01)
+
+
+def test_text_has_a_line_per_finger_and_per_pair(hand: HandModel) -> None:
+    text = describe_reach(hand)
+    lines = text.splitlines()
+    assert "believed friction: sliding 0.423, torsional 1.92 mm" in lines[0]
+    assert "134.1 deg" in lines[0]
+    assert [line.split()[0] for line in lines if line.startswith("  finger_")] == [
+        "finger_1",
+        "finger_2",
+        "finger_3",
+    ]
+    pairs = [line for line in lines if line.startswith("  fingers ")]
+    assert [line.split()[1:3] for line in pairs] == [["1", "2"], ["1", "3"], ["2", "3"]]
+    assert "nan" not in text
+    assert "inf" not in text
+
+
+def test_picture_shows_every_finger(hand: HandModel, tmp_path: Path) -> None:
+    path = draw_reach(hand, tmp_path / "deep" / "inspect.png")
+    assert [entry.name for entry in path.parent.iterdir()] == ["inspect.png"]
+    pixels = imread(path)[..., :3]
+    for finger in range(3):
+        share = (np.abs(pixels - as_rgb(get_finger_color(finger))).max(axis=-1) < 0.02).mean()
+        assert share > 0.005
+
+
+def test_a_hand_that_reaches_nothing_is_drawn_and_described(hand: HandModel, tmp_path: Path) -> None:
+    empty = tuple(
+        Workspace(w.chain, w.postures[:0], w.positions[:0], w.poles[:0], w.joint_margin[:0], w.spin[:0], 0, 1)
+        for w in hand.workspaces
+    )
+    idle = HandModel(hand.fingers, hand.object, empty, hand.friction, hand.probe)
+    with pytest.raises(ValueError, match="the workspace is empty"):
+        describe_reach(idle)
