@@ -79,24 +79,22 @@ def plan_rotation(
                     'against a joint limit; move the contact towards the finger, or set start.contacts_deg = "auto"',
                 )
         contacts = tuple(None if h is None else table.placement(h, 0) for h in held)
-        touching = tuple(h for h in held if h is not None)
-        grasps = [touching]
-        if not table.has_pair(touching):
-            return refuse(
-                hand,
-                goal,
-                "no_admissible_pair",
-                f"no two of the start contacts are {table.needed_angle()}, so no finger can be lifted; the plan would have to "
-                f"begin with rolling, which is not built yet; move two contacts apart, or {CURE}",
-                contacts,
-            )
+        grasps = [tuple(h for h in held if h is not None)]
     search = GaitSearch(table, node_budget)
-    if start is not None and (refusal := search.margins(grasps[0]).refusal):
+    refusal = "" if start is None else search.margins(grasps[0]).refusal
+    if refusal and table.has_pair(grasps[0]):
         reason = (
             f"the start contacts do not hold the object: {refusal}; move them nearer to opposite, or {CURE}"
         )
         return _answer(hand, goal, "start_inadmissible", reason, contacts, (), search.statistics)
     node, status, why = search.run(grasps)
+    if node is None and start is not None and not table.has_pair(grasps[0]):
+        reason = (
+            f"no two of the start contacts are {table.needed_angle()}, so no finger can be lifted, and the goal lies beyond what "
+            "this grasp can do alone; the plan would have to begin with rolling, which is not built yet; move two contacts "
+            f"apart, or {CURE}"
+        )
+        return _answer(hand, goal, "no_admissible_pair", reason, contacts, (), search.statistics)
     if node is None:
         return _answer(hand, goal, status, why, contacts, (), search.statistics)
     steps = search.steps(node)

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
-from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
 
@@ -21,121 +19,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dexplan.planning.admissible import Admissibility
 from dexplan.planning.hand import HandModel
-from dexplan.planning.regions import Regions, compute_pair_angle_max, compute_regions
-from dexplan.scene.chain import compute_joint_margin
-from dexplan.scene.workspace import compute_aligned_pose
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 from dexplan.viz.palette import ALARM, INK, as_rgb, get_finger_color
+from dexplan.viz.reach import BELOW_DEG, PairLoads, Reach, compute_reach
 
-DIRECTIONS = 9000
-"""Sampled directions of the maps."""
 PIXEL_DEG = 1.5
-STATION_DEG = 6.0
-"""Spacing of the placements on the equator whose loads are computed."""
-PLACEMENTS = 120
-"""At most so many placements per pair are asked about, spread over their angles."""
 HATCH, LOST = "#AAAAAA", "#DDDDDD"
 """FC regions; what a finger reaches but cannot hold with the partner asked for."""
-BELOW_DEG = 8.0
-"""Pairs this far below the smallest force-closed angle are still asked about, to show where the load gives out."""
-
-
-@dataclass(frozen=True, eq=False)
-class PairLoads:
-    """Two fingers holding the object at home, the others at home: one row per placement of both on the equator.
-
-    ``angle`` (N,) between the outward normals [rad]; ``load`` (N,) share of the believed cone left, ``torque`` (N,) largest
-    share of a torque limit, both NaN where nothing carries the load; ``is_admissible`` (N,); ``refusals`` counts the others
-    by reason.
-    """
-
-    fingers: tuple[int, int]
-    angle: Array
-    load: Array
-    torque: Array
-    is_admissible: NDArray[np.bool_]
-    refusals: dict[str, int]
-
-
-@dataclass(frozen=True, eq=False)
-class Reach:
-    """All that the picture and the text of a hand are made from; ``azimuths`` (F,) are the fingers' own [deg]."""
-
-    regions: Regions
-    azimuths: Array
-    phi_min: float
-    loads: tuple[PairLoads, ...]
-
-
-@lru_cache(maxsize=1)
-def compute_reach(hand: HandModel) -> Reach:
-    """Return regions and pair loads of ``hand`` with the object at home; the last hand's are kept."""
-    center = hand.object.X_WO_home[:3, 3]
-    home = np.stack([finger.pose_at(finger.q_home)[:3, 3] - center for finger in hand.fingers])
-    azimuths, _ = angles_from_direction(home / np.linalg.norm(home, axis=1, keepdims=True))
-    phi_min = math.pi - 2.0 * compute_pair_angle_max(hand.friction)
-    stations = [_find_stations(hand, i) for i in range(len(hand.fingers))]
-    judge = Admissibility(hand)
-    return Reach(
-        regions=compute_regions(hand, center, DIRECTIONS),
-        azimuths=azimuths,
-        phi_min=phi_min,
-        loads=tuple(
-            _compute_pair(hand, judge, pair, stations, phi_min)
-            for pair in combinations(range(len(hand.fingers)), 2)
-        ),
-    )
-
-
-def _find_stations(hand: HandModel, finger: int) -> tuple[Array, Array]:
-    """Return the equatorial normals (K, 3) that a finger reaches, and its postures there (K, J)."""
-    description, workspace = hand.fingers[finger], hand.workspaces[finger]
-    normals = direction_from_angles(azimuth := np.arange(0.0, 360.0, STATION_DEG), np.zeros_like(azimuth))
-    radius = float(np.linalg.norm(hand.object.surface.closest(normals[0])))
-    if not len(workspace.postures):
-        return normals[:0], np.zeros((0, description.chain.n_joints))
-    X_WF = compute_aligned_pose(hand.object.X_WO_home[:3, 3], normals, radius + description.tip_radius)
-    q, reached = workspace.solve(X_WF)
-    if description.chain.has_tip_roll:
-        q[:, -1] = 0.5 * (description.chain.lower[-1] + description.chain.upper[-1])
-    reached &= compute_joint_margin(description.chain, q) >= hand.limits.joint_margin
-    return normals[reached], q[reached]
-
-
-def _compute_pair(
-    hand: HandModel,
-    judge: Admissibility,
-    pair: tuple[int, int],
-    stations: list[tuple[Array, Array]],
-    phi_min: float,
-) -> PairLoads:
-    (normals_i, q_i), (normals_j, q_j) = (stations[f] for f in pair)
-    angles = np.arccos(np.clip(normals_i @ normals_j.T, -1.0, 1.0))
-    rows = np.argwhere(angles >= phi_min - math.radians(BELOW_DEG))
-    rows = rows[np.argsort(angles[tuple(rows.T)], kind="stable")]
-    if len(rows) > PLACEMENTS:
-        rows = rows[np.unique(np.linspace(0, len(rows) - 1, PLACEMENTS).round().astype(int))]
-    margins, refusals = [], dict[str, int]()
-    for a, b in rows:
-        q = hand.q_home.copy()
-        q[pair[0]], q[pair[1]] = q_i[a], q_j[b]
-        margins.append(m := judge.compute_margins(q, hand.object.X_WO_home, pair))
-        if not m.is_admissible:
-            refusals[m.refusal] = refusals.get(m.refusal, 0) + 1
-    load, torque = np.array([(m.load, m.torque) for m in margins]).reshape(-1, 2).T
-    return PairLoads(
-        fingers=pair,
-        angle=angles[tuple(rows.T)],
-        load=np.where(np.isfinite(load), load, np.nan),
-        torque=np.where(np.isfinite(torque), torque, np.nan),
-        is_admissible=np.array([m.is_admissible for m in margins], dtype=bool),
-        refusals=refusals,
-    )
 
 
 # -- numbers -----------------------------------------------------------------------------------------------------------------
@@ -205,7 +98,8 @@ def _describe_pair(hand: HandModel, loads: PairLoads) -> str:
 
 
 def _wrap(angle_deg: Array) -> Array:
-    return (angle_deg + 180.0) % 360.0 - 180.0
+    """Return angles in [-180, 180) degrees."""
+    return np.asarray((np.asarray(angle_deg) + 180.0) % 360.0 - 180.0)
 
 
 # -- picture -----------------------------------------------------------------------------------------------------------------
@@ -308,7 +202,7 @@ def _draw_map(
     ax.set_xlim(-180.0, 180.0)
     ax.set_ylim(-90.0, 90.0)
     ticks = np.arange(-180.0, 181.0, 60.0)
-    ax.set_xticks(ticks, [f"{round(float(_wrap(t + middle)))}°" for t in ticks], fontsize=8)
+    ax.set_xticks(ticks, [f"{round(t)}°" for t in _wrap(ticks + middle).tolist()], fontsize=8)
     ax.set_yticks([-60, -30, 0, 30, 60], ["-60°", "-30°", "0°", "30°", "60°"] if is_first else [], fontsize=8)
     ax.grid(color="#BBBBBB", linewidth=0.4, zorder=2)
     ax.set_title(f"{title}, {100 * inside.mean():.0f} %", fontsize=10, color=INK)
@@ -368,7 +262,7 @@ def _write_headings(figure: Figure, hand: HandModel, reach: Reach, split: float)
     figure.text(
         0.05,
         1.0 - 0.60 / height,
-        "Regions on the object at home, azimuth across and elevation up, as shares of its surface.",
+        "Regions on the object at home, azimuth across and elevation up, as shares of its surface.  Holes: singular postures, joint limits.",
         fontsize=10.5,
         va="center",
     )
