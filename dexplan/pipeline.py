@@ -11,6 +11,7 @@ import numpy as np
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Timing, build_reference
+from dexplan.errors import DexplanError
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
@@ -122,8 +123,12 @@ def rollout(
     """Run ``plan`` in MuJoCo, closed loop; a failure still returns the trace so far.
 
     ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
-    and controller believe (uncertainty).
+    and controller believe (uncertainty).  Raises DexplanError for a plan without actions.
     """
+    if not plan.actions:
+        raise DexplanError(
+            f"the plan has no actions to run ({plan.status}: {plan.reason}); a solved plan is accepted"
+        )
     scene = build_scene(problem)
     reference = build_reference(plan, scene.fingers, build_timing(problem))
     return _rollout.rollout(

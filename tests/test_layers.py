@@ -36,7 +36,7 @@ STOREYS = {
     "contact": Storey(GROUND, MATH),
     "grasp": Storey(GROUND | {"contact"}, MATH | {"osqp"}),
     "models": Storey(set(), set()),
-    "scene": Storey(GROUND | {"contact", "grasp", "models"}, MATH | {"mujoco", "dm_control"}),
+    "scene": Storey(GROUND | {"contact", "grasp", "models"}, MATH | {"mujoco", "dm_control", "platformdirs"}),
     "planning": Storey(GROUND | {"contact", "grasp", "scene"}, MATH),
     "control": Storey(GROUND | {"contact", "grasp", "scene", "planning"}, MATH | {"mujoco", "mink", "daqp"}),
     "sim": Storey(GROUND | (INNER - {"models"}), MATH | {"mujoco"}),

@@ -106,7 +106,7 @@ class Controller:
         self._phase, self._phase_start = -1, 0.0
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
         self._adopted: frozenset[int] = frozenset()
-        self._correction = np.zeros(6)
+        self._correction, self._is_primed = np.zeros(6), False
         self._path: CubicSpline | None = None
         self._X_OF_start = np.eye(4)
         self._targets = np.tile(np.eye(4), (self._n, 1, 1))
@@ -201,6 +201,11 @@ class Controller:
 
     def _correct(self, observation: Observation, X_ref: Array, X_next: Array) -> Array:
         """Return the object pose to aim at: the next reference pose, shifted by the integral of the measured error."""
+        if not self._is_primed:
+            # Begin where the object is: the integral then leads it to the reference instead of jerking it there.
+            self._is_primed = True
+            self._correction[:3] = observation.X_WO[:3, 3] - X_ref[:3, 3]
+            self._correction[3:] = rotation_vector(observation.X_WO[:3, :3] @ X_ref[:3, :3].T)
         gain = self._options.object_feedback * self._options.object_gain * TICK
         R_error = rotation_vector(X_ref[:3, :3] @ observation.X_WO[:3, :3].T)
         self._correction[:3] += gain * (X_ref[:3, 3] - observation.X_WO[:3, 3])

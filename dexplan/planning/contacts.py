@@ -167,6 +167,8 @@ class ContactTable:
 
     def pair_angle(self, held: tuple[Held, ...]) -> float:
         """Return the smallest angle [rad] between normals and chord over the pairs of contacts."""
+        if len(held) < 2:
+            return 0.5 * np.pi
         normals = np.stack([self.normal(h) for h in held])
         opposite = -(normals @ normals.T)[np.triu_indices(len(held), 1)]
         return 0.5 * float(np.arccos(np.clip(opposite.max(), -1.0, 1.0)))
@@ -174,6 +176,19 @@ class ContactTable:
     def has_pair(self, held: tuple[Held, ...]) -> bool:
         """Return whether two of the contacts are force closed with the believed friction."""
         return self.pair_angle(held) < self.beta_max
+
+    def check_theorem_1(self, held: tuple[Held, ...]) -> str:
+        """Check the paper's Theorem 1, which every gait needs: some free finger can hold with one of ``held`` where they are.
+
+        Two fingers i, j that hold can only be relocated if f_i lies in CWS_i_jk or f_j in CWS_j_ik for a free finger k
+        [paper §2.2].  Returns "" where that is so, else the refusal.
+        """
+        reach = float(np.cos(2.0 * self.beta_max))
+        for finger in set(self.candidates) - {h.finger for h in held}:
+            normals = self.candidates[finger].normals
+            if any((normals @ -self.normal(h)).max(initial=-1.0) > reach for h in held):
+                return ""
+        return "Theorem 1: no free finger can form a force-closure grasp with a holding finger where it is, so none can be lifted"
 
     def keeps_order(self, held: tuple[Held, ...]) -> bool:
         """Return whether the fingers stand in the order of their bases, the free ones at home."""

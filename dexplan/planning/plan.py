@@ -140,7 +140,7 @@ class Plan:
                 "axis_W": None if self.axis_W is None else self.axis_W.tolist(),
                 "turned_angle_deg": None
                 if self.turned_angle is None
-                else float(np.degrees(self.turned_angle)),
+                else round(float(np.degrees(self.turned_angle)), 12),
                 "contacts": None,
             },
             "actions": [self._action(k, action) for k, action in enumerate(self.actions)],
@@ -166,7 +166,10 @@ class Plan:
             "why": action.why,
             "object_pose_start": _pose(action.X_WO_start),
             "object_pose_end": _pose(action.X_WO_end),
-            "rotation": {"axis_W": action.axis_W.tolist(), "angle_deg": float(np.degrees(action.angle))},
+            "rotation": {
+                "axis_W": action.axis_W.tolist(),
+                "angle_deg": round(float(np.degrees(action.angle)), 12),
+            },
             "contacts_end": self._contacts(action.contacts_end),
             "margins": dict(action.margins),
             "phases": [
@@ -278,7 +281,16 @@ class Plan:
 
 
 def _pose(X: Array) -> list[float]:
-    return [float(x) for x in as_pose7(X)]
+    """Return a pose as (x, y, z, qw, qx, qy, qz), rounded so that reading and writing it again changes nothing.
+
+    The largest component of the quaternion follows from the others; rounding all four would leave it off unit length.
+    """
+    pose = np.round(as_pose7(X), 12)
+    quat = pose[3:]
+    quat *= np.sign(quat[np.flatnonzero(quat)[0]])
+    k = int(np.argmax(np.round(np.abs(quat), 6)))
+    quat[k] = np.sign(quat[k]) * np.sqrt(1.0 - (np.delete(quat, k) ** 2).sum())
+    return [float(x) for x in pose + 0.0]
 
 
 def _matrix(pose7: list[float]) -> Array:

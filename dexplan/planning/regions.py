@@ -75,6 +75,8 @@ def compute_regions(hand: HandModel, center: Array, count: int = 4000) -> Region
     reach = np.zeros((len(hand.fingers), count), dtype=bool)
     closure = np.zeros_like(reach)
     for i, (finger, workspace) in enumerate(zip(hand.fingers, hand.workspaces, strict=True)):
+        if not len(workspace.postures):
+            continue
         radius = float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
         home = finger.pose_at(finger.q_home)[:3, 3] - center
         near = directions @ (home / np.linalg.norm(home)) > np.cos(np.radians(85.0))

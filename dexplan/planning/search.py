@@ -130,7 +130,7 @@ class GaitSearch:
     def _check_arrival(self, node: Node) -> str:
         """Return why the relocation that leads to ``node`` cannot be done, "" if it can."""
         assert node.lifted is not None
-        table, probe = self._table, self._hand.probe
+        table = self._table
         before = (*(h for h in node.held if h is not node.placed), node.lifted)
         grasp = self.margins(node.held)
         if not grasp.is_admissible:
@@ -143,8 +143,11 @@ class GaitSearch:
         if node.placed is not None:
             clearances.append(self._check_way(q, X_WO, node.placed, before, node.done))
             q[node.placed.finger] = table.state(node.placed).q
-            everyone = tuple(h.finger for h in (*before, node.placed))
-            clearances.append(probe.compute_clearance(q, X_WO, everyone))
+            everyone = {h.finger: table.state(h) for h in (*before, node.placed)}
+            together = self._admissibility.compute_margins_of(everyone, q, X_WO)
+            if not together.is_admissible:
+                return together.refusal
+            clearances.append((together.clearance, "the fingers on the object"))
         clearances.append(self._check_way(q, X_WO, node.lifted, node.held, node.done))
         least, names = min(clearances)
         node.place_margins = {**grasp.as_dict(), "clearance_mm": 1e3 * min(least, grasp.clearance)}
@@ -161,7 +164,7 @@ class GaitSearch:
             hand, finger = self._hand, self._hand.fingers[held.finger]
             placement = self._table.placement(held, done)
             hover = compute_hover(finger, X_WO, placement.X_OF, placement.normal_O, placement.q, hand.hover)
-            path = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])[::2]
+            path = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
             self._ways[_where(held)] = path
         fingers = tuple(h.finger for h in holding)
         return self._admissibility.compute_path_clearance(q, X_WO, held.finger, path, fingers)
@@ -224,12 +227,13 @@ class GaitSearch:
     def _rank(self, node: Node, worth: float) -> float:
         """Return the priority of a node; the smallest is opened first."""
         # A turn ends when one contact is used up; what the other has left then serves the next turn, about half of it.
-        left = float(np.mean([h.left for h in node.held]))
-        missing = self._table.stations - min(self._table.stations, node.done + left)
+        left = [h.left for h in node.held]
+        ahead = self._table.stations - node.done
+        missing = 0.0 if ahead <= min(left) else max(0.7, (ahead - float(np.mean(left))) / worth)
         # Between equals, prefer contacts near opposite: small forces and room for error.
         beta = self._table.pair_angle(node.held)
         hard = max(0.0, beta - self._table.beta_easy) / self._table.beta_easy
-        return node.placements + GREED * missing / worth + 0.6 * beta / self._table.beta_max + 6.0 * hard
+        return node.placements + GREED * missing + 0.6 * beta / self._table.beta_max + 6.0 * hard
 
     def _children(self, node: Node, reach: int) -> list[Node]:
         children = []
@@ -241,6 +245,9 @@ class GaitSearch:
                     rest = tuple(h for h in held if h is not lifted)
                     if self._table.has_pair(rest):
                         children.append(Node(done, rest, node.placements, node, turn, None, lifted))
+                continue
+            if refusal := self._table.check_theorem_1(held):
+                self._refuse(refusal)
                 continue
             taken = {h.finger for h in held}
             for finger in sorted(set(self._table.candidates) - taken):

@@ -26,27 +26,46 @@ class HandProbe:
         self._model.geom_margin[:] = SIGHT
         self._data = mujoco.MjData(self._model)
         self._gravity = np.zeros(self._model.nv)
+        tips = scene.tip_geoms.tolist()
+        self._touch_pairs = [(min(t, scene.object_geom), max(t, scene.object_geom)) for t in tips]
+        self._constant = self._find_constant_pairs()
+
+    def _find_constant_pairs(self) -> set[tuple[int, int]]:
+        """Return the pairs of geoms whose distance no posture changes: they say nothing about clearance."""
+        rng = np.random.default_rng(0)
+        lower, upper = (
+            np.stack([getattr(f.chain, k) for f in self._scene.fingers]) for k in ("lower", "upper")
+        )
+        seen: dict[tuple[int, int], list[float]] = {}
+        for _ in range(12):
+            self._place(rng.uniform(lower, upper), self._scene.object.X_WO_home)
+            for (a, b), distance in zip(
+                self._data.contact.geom.tolist(), self._data.contact.dist.tolist(), strict=True
+            ):
+                seen.setdefault((min(a, b), max(a, b)), []).append(distance)
+        return {pair for pair, rows in seen.items() if len(rows) == 12 and np.ptp(rows) < 1e-9}
+
+    def _place(self, q: Array, X_WO: Array) -> None:
+        self._data.qpos[:] = self._scene.as_qpos(q, X_WO)
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_collision(self._model, self._data)
 
     def compute_clearance(self, q: Array, X_WO: Array, touching: tuple[int, ...]) -> tuple[float, str]:
         """Return the smallest distance [m] between two bodies that should not touch, and which they are.
 
         ``q`` (F, J) [rad]; tips of the fingers in ``touching`` may touch the object.
         """
-        data = self._data
-        data.qpos[:] = self._scene.as_qpos(q, X_WO)
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_collision(self._model, data)
-        if not data.ncon:
+        self._place(q, X_WO)
+        allowed = self._constant | {self._touch_pairs[i] for i in touching}
+        least, nearest = SIGHT, None
+        for (a, b), distance in zip(
+            self._data.contact.geom.tolist(), self._data.contact.dist.tolist(), strict=True
+        ):
+            if distance < least and (min(a, b), max(a, b)) not in allowed:
+                least, nearest = distance, (a, b)
+        if nearest is None:
             return SIGHT, "nothing near"
-        geoms, dist = data.contact.geom, data.contact.dist.copy()
-        for i in touching:
-            pair = np.sort([self._scene.tip_geoms[i], self._scene.object_geom])
-            dist[(np.sort(geoms, axis=1) == pair).all(axis=1)] = SIGHT
-        k = int(np.argmin(dist))
-        if dist[k] >= SIGHT:
-            return SIGHT, "nothing near"
-        names = (self._model.geom(g).name for g in geoms[k])
-        return float(dist[k]), " and ".join(names)
+        return least, " and ".join(self._model.geom(g).name for g in nearest)
 
     def compute_gravity_torque(self, q: Array) -> Array:
         """Return the joint torques (F, J) [N m] that hold the fingers' own weight at ``q`` (F, J)."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import zipfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -104,7 +105,7 @@ def load_workspace(finger: FingerDescription, center: Array) -> Workspace:
         try:
             with np.load(path, allow_pickle=False) as stored:
                 return _place(finger.chain, X_WK, {name: stored[name] for name in stored.files})
-        except (OSError, ValueError, KeyError):
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             path.unlink(missing_ok=True)  # a damaged cache is not worth a word: it is made anew
     values = _sample(chain, finger.q_home)
     try:

@@ -262,7 +262,8 @@ def _write_headings(figure: Figure, hand: HandModel, reach: Reach, split: float)
     figure.text(
         0.05,
         1.0 - 0.60 / height,
-        "Regions on the object at home, azimuth across and elevation up, as shares of its surface.  Holes: singular postures, joint limits.",
+        "Regions on the object at home, azimuth across and elevation up, as shares of its surface.  "
+        "Holes: singular postures, joint limits.",
         fontsize=10.5,
         va="center",
     )
@@ -286,7 +287,7 @@ def _write_headings(figure: Figure, hand: HandModel, reach: Reach, split: float)
         Patch(facecolor="white", edgecolor=INK, hatch="////", label="FC: a partner may touch here"),
     ]
     figure.legend(
-        handles=keys, loc="center right", bbox_to_anchor=(0.99, 1.0 - 0.45 / height), ncols=len(keys),
+        handles=keys, loc="center right", bbox_to_anchor=(0.99, 1.0 - 0.30 / height), ncols=len(keys),
         frameon=False, fontsize=9, columnspacing=1.2, handletextpad=0.5,
     )  # fmt: skip
     marks = [

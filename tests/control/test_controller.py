@@ -29,7 +29,7 @@ from dexplan.spatial import GRAVITY
 def problem() -> Problem:
     return load_problem(
         "fig4_substitution",
-        {"goal.rotation.angle_deg": 15.0, "start.contacts_deg": [[40.0, 0.0], [180.0, 0.0], "free"]},
+        {"goal.rotation.angle_deg": 15.0, "start.contacts_deg": [[36.0, 0.0], [180.0, 0.0], "free"]},
     )
 
 
@@ -52,13 +52,12 @@ def options(problem: Problem) -> ControlOptions:
 def at_start(scene: Scene, reference: Reference) -> Observation:
     """The hand in its first grasp, at rest."""
     q = np.stack([f.q_home for f in scene.fingers])
-    touching = np.array([X is not None for X in reference.start])
-    for i, X_OF in enumerate(reference.start):
-        if X_OF is not None:
-            chain = scene.fingers[i].chain
-            solved, reached = solve_ik(
-                chain, (scene.object.X_WO_home @ X_OF)[None], q[i][None], iterations=60
-            )
+    touching = np.array([begin is not None for begin in reference.start])
+    for i, begin in enumerate(reference.start):
+        if begin is not None:
+            X_OF, q_start = begin
+            X_WF = scene.object.X_WO_home @ X_OF
+            solved, reached = solve_ik(scene.fingers[i].chain, X_WF[None], q_start[None], iterations=60)
             assert reached.all()
             q[i] = solved[0]
     return Observation(0.0, q, np.zeros_like(q), scene.object.X_WO_home, touching)

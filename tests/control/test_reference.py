@@ -28,7 +28,7 @@ STILL = ObjectPath(np.eye(4), AXIS, 0.0, np.zeros(3), 1.0, 0.3)
 def problem() -> Problem:
     return load_problem(
         "fig4_substitution",
-        {"goal.rotation.angle_deg": 15.0, "start.contacts_deg": [[40.0, 0.0], [180.0, 0.0], "free"]},
+        {"goal.rotation.angle_deg": 15.0, "start.contacts_deg": [[36.0, 0.0], [180.0, 0.0], "free"]},
     )
 
 
@@ -225,8 +225,9 @@ def test_travel_ends_where_the_approach_begins(problem: Problem, reference: Refe
 
 
 def test_start_carries_the_contacts_of_the_plan(plan: Plan, reference: Reference) -> None:
-    assert [X is None for X in reference.start] == [c is None for c in plan.start_contacts]
-    for X, contact in zip(reference.start, plan.start_contacts, strict=True):
-        if X is not None and contact is not None:
-            np.testing.assert_array_equal(X, contact.X_OF)
+    for begin, contact in zip(reference.start, plan.start_contacts, strict=True):
+        assert (begin is None) == (contact is None)
+        if begin is not None and contact is not None:
+            np.testing.assert_array_equal(begin[0], contact.X_OF)
+            np.testing.assert_array_equal(begin[1], contact.q)
     assert reference.normal_force == plan.normal_force

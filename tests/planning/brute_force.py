@@ -202,7 +202,8 @@ class EquatorialHand:
             clearance, _ = self.hand.probe.compute_clearance(q, self._X_WO, tuple(states))
             return clearance >= self.hand.limits.clearance and self._keeps_order(contacts)
         apart = GRID_DEG * ((contacts[0][1] - contacts[1][1]) % COUNT)
-        beta_max = np.arctan(self.hand.friction.sliding) - self.hand.limits.closure_margin
+        limits = self.hand.limits
+        beta_max = np.arctan(limits.cone_share * self.hand.friction.sliding) - limits.closure_margin
         if min(apart, 360 - apart) <= 180.0 - 2.0 * np.degrees(beta_max):
             return False
         axis_W = np.array([0.0, 0.0, float(self.sense)])

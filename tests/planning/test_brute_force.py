@@ -10,9 +10,9 @@ TURN = 100
 """Grid steps: more than a whole turn."""
 
 
-@pytest.mark.parametrize("half_width", range(1, 10))
+@pytest.mark.parametrize("half_width", [1, 2, 3, 5, 7, 9])
 def test_substitution_turns_the_ring_iff_the_excess_is_at_most_the_half_width(half_width: int) -> None:
-    for excess in range(half_width + 3):
+    for excess in {0, half_width - 1, half_width, half_width + 1, half_width + 2}:
         ring = Ring(half_width, THIRD + excess)
         assert (find_gait(ring.spots, TURN, ring) is not None) == (excess <= half_width)
 

@@ -8,6 +8,7 @@ from itertools import permutations
 from brute_force import EquatorialHand, find_gait
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from recheck import Recheck
 
 from dexplan import pipeline
 from dexplan.problems.problem import ContactSpec, Problem, Rotation, StartSection
@@ -42,7 +43,7 @@ def perturb(
 
 @settings(
     derandomize=True,
-    max_examples=3,
+    max_examples=2,
     deadline=None,
     database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
@@ -78,7 +79,9 @@ def test_planner_finds_a_gait_where_brute_force_does_and_needs_no_more_placement
     gait = find_gait(oracle.spots, FULL_TURN, oracle, starts=starts, follows=oracle.follows, sense=sense)
 
     if gait is None:
-        return  # the planner may find one off the equator; the re-check of plans judges it then
+        # The planner is not bound to the equator and may still find one: then it has to be a real one.
+        assert not plan.is_solved or Recheck(hand, plan).faults == []
+        return
     assert plan.is_solved, plan.reason
     # One more is granted: the grid takes sharper corners than a hand, whose tips have to get past one another.
     assert sum(a.kind == "place" for a in plan.actions) <= gait.placements + 1

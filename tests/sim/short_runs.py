@@ -20,14 +20,14 @@ from dexplan.sim.validate import ValidationReport
 PROFILES = ("firm", "portable")
 HOLDS: dict[str, tuple[str, list[object]]] = {
     "hold_three": ("hold_three", [[0.0, 0.0], [120.0, 0.0], [240.0, 0.0]]),
-    "hold_12": ("hold_two", [[-38.0, 0.0], [102.0, 0.0], "free"]),
-    "hold_23": ("hold_two", ["free", [82.0, 0.0], [222.0, 0.0]]),
-    "hold_31": ("hold_two", [[18.0, 0.0], "free", [238.0, 0.0]]),
+    "hold_12": ("hold_two", [[-40.0, 0.0], [104.0, 0.0], "free"]),
+    "hold_23": ("hold_two", ["free", [80.0, 0.0], [224.0, 0.0]]),
+    "hold_31": ("hold_two", [[20.0, 0.0], "free", [236.0, 0.0]]),
 }
 """Holding still with three fingers and with each pair: built-in problem and start contacts."""
 SHORT_TURN: dict[str, object] = {
     "goal.rotation.angle_deg": 15.0,
-    "start.contacts_deg": [[40.0, 0.0], [180.0, 0.0], "free"],
+    "start.contacts_deg": [[36.0, 0.0], [180.0, 0.0], "free"],
 }
 """Finger 2 starts near the end of its reach, so that 15 degrees take one substitution (finger 3 for 2)."""
 HOLD_TIMING = Timing(first_hold=0.5, last_hold=1.5)

@@ -39,11 +39,11 @@ PACKAGES = ("mujoco", "mink", "osqp", "daqp", "numpy", "scipy")
 RUNS = (*HOLDS, "substitution", "full_turn")
 RELATIVE = 0.10
 FLOORS = {
-    "position_error_max_mm": 0.005,
-    "rotation_error_max_deg": 0.01,
+    "position_error_max_mm": 0.001,
+    "rotation_error_max_deg": 0.005,
     "friction_utilisation_max": 0.01,
     "coulomb_slip_max_mm": 0.005,
-    "creep_rate_max_um_s": 0.5,
+    "creep_rate_max_um_s": 0.2,
     "penetration_max_um": 2.0,
     "normal_force_end_N": 0.05,
 }

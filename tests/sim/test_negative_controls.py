@@ -201,7 +201,7 @@ def test_half_the_feedforward_slides(problem: Problem, plan: Plan) -> None:
 
 
 def test_squeeze_too_weak_to_hold(problem: Problem, plan: Plan) -> None:
-    options = pipeline.build_options(problem, normal_floor=1.0, normal_ceiling=2.0)
+    options = pipeline.build_options(problem, normal_floor=0.3, normal_ceiling=0.5)
     report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan, options=options))
     assert {*DROPPED, "coulomb_slip_max"} <= failed(report)
 
