@@ -1,4 +1,4 @@
-"""How a free fingertip gets from one place to another: along an arc around the object, never across it."""
+"""How a free fingertip gets from one place to another: along an arc around the object."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center
     The tip's direction from the centre turns along a great circle while its distance grows or shrinks evenly, so that a tip
     that starts and ends clear of a round object stays clear of it.  The pole turns with it.  Where the last joint is the
     tip's own roll it goes straight from one angle to the other: the shortest turn in space may lie beyond its limit.
+
+    One end should be the finger's home, as in every plan: between two far contacts the arc may leave the workspace, and the
+    straight way between postures that takes its place may cut across the object.
     """
     share = np.linspace(0.0, 1.0, SAMPLES)
     straight = q_start + share[:, None] * (q_end - q_start)

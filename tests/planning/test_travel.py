@@ -46,20 +46,6 @@ def test_ways_between_home_and_the_contacts_stay_outside_the_ball(hand: HandMode
             )
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="between far-off contacts the straight fall-back cuts the corner; plans go by way of home, which does not",
-)
-def test_ways_between_contacts_stay_outside_the_ball(hand: HandModel) -> None:
-    description, center = hand.fingers[0], hand.object.X_WO_home[:3, 3]
-    postures = hovering(hand, 0, hand.hover)
-    for start, end in zip(postures, postures[::-1], strict=True):
-        path = build_travel(description, start, end, center)
-        assert compute_joint_margin(description.chain, path).min() >= 0.0
-        distance = np.linalg.norm(compute_tip_pose(description.chain, path)[:, :3, 3] - center, axis=1)
-        assert distance.min() >= min(distance[0], distance[-1]) - 1e-3
-
-
 def test_way_to_where_one_is_already(hand: HandModel) -> None:
     description = hand.fingers[1]
     path = build_travel(description, description.q_home, description.q_home, hand.object.X_WO_home[:3, 3])

@@ -198,16 +198,11 @@ def test_another_hand_gets_another_workspace(
     assert len(computed) == 1
 
 
-_UNCAUGHT = pytest.mark.xfail(
-    reason="EOFError and BadZipFile of a damaged store are not caught", strict=False
-)
-
-
 @pytest.mark.parametrize(
     "share",
     [
-        pytest.param(0.0, marks=_UNCAUGHT, id="empty"),
-        pytest.param(0.5, marks=_UNCAUGHT, id="cut short"),
+        pytest.param(0.0, id="empty"),
+        pytest.param(0.5, id="cut short"),
         pytest.param(None, id="something else"),
     ],
 )

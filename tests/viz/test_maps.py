@@ -101,7 +101,6 @@ def test_picture_shows_every_finger(hand: HandModel, tmp_path: Path) -> None:
         assert share > 0.005
 
 
-@pytest.mark.xfail(reason="compute_regions asks an empty workspace", raises=ValueError, strict=False)
 def test_a_hand_that_reaches_nothing_is_drawn_and_described(hand: HandModel, tmp_path: Path) -> None:
     empty = tuple(
         Workspace(w.chain, w.postures[:0], w.positions[:0], w.poles[:0], w.joint_margin[:0], w.spin[:0], 0, 1)
