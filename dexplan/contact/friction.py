@@ -18,9 +18,19 @@ NORMAL = 2
 
 _OTHERS = (0, 1, 3)  # the components that friction carries
 
-# Rings (latitude [deg], count) whose 2 + 2*6 + 2*8 + 10 = 40 points cover the unit sphere evenly.  Found by
-# maximising the inradius over the two free latitudes; even counts keep the set symmetric about the origin.
-_SOFT_RINGS = ((90.0, 1), (51.15616, 6), (25.04134, 8), (0.0, 10), (-25.04134, 8), (-51.15616, 6), (-90.0, 1))
+# Rings (latitude [deg], count, phase in steps) whose 2 + 2 * (6 + 10 + 14) + 14 = 76 points cover the unit sphere evenly: found
+# by maximising the inradius over the three free latitudes; mirrored rings keep the set symmetric about the equator.
+_SOFT_RINGS = (
+    (90.0, 1, 0.0),
+    (63.038404, 6, 0.0),
+    (44.309688, 10, 0.5),
+    (24.190253, 14, 0.0),
+    (0.0, 14, 0.5),
+    (-24.190253, 14, 0.0),
+    (-44.309688, 10, 0.5),
+    (-63.038404, 6, 0.0),
+    (-90.0, 1, 0.0),
+)
 
 
 class ContactModel(ABC):
@@ -157,7 +167,7 @@ class SoftFinger(ContactModel):
 
     @property
     def section(self) -> tuple[Array, float]:
-        """A polytope of 40 facets in (f_x / mu, f_y / mu, tau / mu_t), inradius 0.926."""
+        """A polytope of 76 facets in (f_x / mu, f_y / mu, tau / mu_t), inradius 0.964."""
         return _build_soft_section()
 
     def scaled(self, factor: float) -> SoftFinger:
@@ -180,10 +190,10 @@ def _build_polygon(edges: int, phase: float) -> tuple[Array, float]:
 
 @lru_cache(maxsize=1)
 def _build_soft_section() -> tuple[Array, float]:
-    """Return normals (40, 3) and the largest h that keeps {n . x <= h} inside the unit ball."""
+    """Return normals (76, 3) and the largest h that keeps {n . x <= h} inside the unit ball."""
     rows = []
-    for latitude, count in _SOFT_RINGS:
-        u, v = np.radians(latitude), 2.0 * np.pi * np.arange(count) / count
+    for latitude, count, phase in _SOFT_RINGS:
+        u, v = np.radians(latitude), 2.0 * np.pi * (np.arange(count) + phase) / count
         rows.append(
             np.stack([np.cos(u) * np.cos(v), np.cos(u) * np.sin(v), np.full(count, np.sin(u))], axis=1)
         )

@@ -35,7 +35,7 @@ class AdmissibleLimits:
     dexterity: float = 0.25
     """Smallest singular value of a loaded finger's Jacobian, lengths in 60 mm: away from singular postures."""
     cone_share: float = 0.98
-    """Share of the believed friction cone that planned forces may use.  The pyramid inscribed in the cone keeps 6 to 9 % back by
+    """Share of the believed friction cone that planned forces may use.  The pyramid inscribed in the cone keeps up to 4 % back by
     itself.  A pure squeeze between two contacts 140 degrees apart already uses 0.86 of the cone at mu 0.55 / 1.3: a share of
     0.8 would refuse grasps that hold in the simulator with a quiet utilisation of 0.72."""
     closure_margin: float = float(np.radians(1.5))

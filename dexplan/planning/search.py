@@ -25,7 +25,7 @@ from dexplan.spatial import Array, make_pose
 TURNS = (1.0, 0.9, 0.8, 0.65, 0.5, 0.3)
 """Shares of the longest possible turn after which a substitution is tried."""
 STRIDE = 4
-"""While searching, motions are checked at every so many stations."""
+"""A first look at a motion checks every so many stations."""
 GREED = 3.0
 """How much more a turn still to be made counts than placements already spent.  One placement is taken to be worth half of what
 a finger can carry a contact; above 1 the search looks for a good gait soon rather than for the best one at last."""
@@ -37,7 +37,8 @@ class Node:
     """Progress ``done`` [stations], the contacts that hold, and how the search came here.
 
     From ``parent`` the object was turned by ``moved`` stations, then ``placed`` came down and ``lifted`` went up.  ``limit`` is
-    the limiting finger (None where it is no finger) and what ends the turn ``reach`` stations further on.
+    the limiting finger (None where it is no finger) and what ends the turn ``reach`` stations further on; the first ``checked``
+    stations of the turn are known to be admissible, and the next one is not where ``refusal`` says why.
     """
 
     done: int
@@ -49,6 +50,8 @@ class Node:
     lifted: Held | None = None
     reach: int | None = None
     limit: tuple[int | None, str] = (None, "")
+    checked: int = 0
+    refusal: str = ""
     margins: dict[str, float] = field(default_factory=dict)
     place_margins: dict[str, float] = field(default_factory=dict)
 
@@ -96,7 +99,7 @@ class GaitSearch:
     def _walk(self, node: Node) -> int:
         """Return how many stations the node's grasp can turn the object (-1: it cannot hold it), and note what ends it.
 
-        While searching every ``STRIDE``-th station is checked, and the last; the way that is found is checked at all of them.
+        Every ``STRIDE``-th station is checked here, and the last; all of them once the search wants to go on from a turn.
         """
         limiter = min(node.held, key=lambda h: h.left)
         furthest = min(limiter.left, self._table.stations - node.done)
@@ -112,16 +115,19 @@ class GaitSearch:
         node.limit = (None, "the goal") if to_goal else (limiter.finger, self._table.limit(limiter))
         return furthest
 
-    def _check_finely(self, goal: Node) -> str:
-        """Check every station of the way to ``goal``; note the margins and return the first refusal, "" if there is none."""
-        way = _trace_back(goal)
+    def _check_turn(self, node: Node, turn: int) -> str:
+        """Return why the node's grasp cannot turn the object by ``turn`` stations, each of them checked; "" if it can."""
+        while node.checked <= turn and not node.refusal:
+            row = self.margins(tuple(h.carried(node.checked) for h in node.held))
+            node.refusal = row.refusal
+            node.checked += not node.refusal
+        return node.refusal if node.checked <= turn else ""
+
+    def _note_margins(self, way: list[Node]) -> None:
+        """Keep the worst margins of every turn of a finished way."""
         for here, turn in zip(way, self._turns(way), strict=True):
             rows = [self.margins(tuple(h.carried(k) for h in here.held)) for k in range(turn + 1)]
             here.margins = worst(rows)
-            refused = next((row.refusal for row in rows if not row.is_admissible), "")
-            if refused:
-                return refused
-        return ""
 
     def _turns(self, way: list[Node]) -> list[int]:
         """Return the stations turned with the grasp of each node of a way, the last one turning to the goal."""
@@ -130,7 +136,10 @@ class GaitSearch:
     def _check_arrival(self, node: Node) -> str:
         """Return why the relocation that leads to ``node`` cannot be done, "" if it can."""
         assert node.lifted is not None
+        assert node.parent is not None
         table = self._table
+        if refusal := self._check_turn(node.parent, node.moved):
+            return refusal
         before = (*(h for h in node.held if h is not node.placed), node.lifted)
         grasp = self.margins(node.held)
         if not grasp.is_admissible:
@@ -196,9 +205,10 @@ class GaitSearch:
                 self._refuse(node.limit[1])
                 continue
             if node.done + node.reach >= self._table.stations:
-                if refusal := self._check_finely(node):
+                if refusal := self._check_turn(node, self._table.stations - node.done):
                     self._refuse(refusal)
                     continue
+                self._note_margins(_trace_back(node))
                 return node, SOLVED, ""
             for child in self._children(node, node.reach):
                 heapq.heappush(heap, _Entry(self._rank(child, worth), serial, child))

@@ -17,20 +17,20 @@ from dexplan.sim.replay import replay
 from dexplan.sim.trace import Trace
 from dexplan.sim.validate import load_default_limits
 
-# The contract's profile "firm", spelled out: the whitelist must not follow the scene.
+# The profile "firm", spelled out: the whitelist must not follow the scene.
 OPTION = (
-    '<option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="100" '
-    'noslip_iterations="3" jacobian="dense"/>'
+    '<option timestep="0.001" integrator="Euler" cone="elliptic" impratio="100" '
+    'noslip_iterations="30" noslip_tolerance="1e-10" jacobian="dense"/>'
 )
 MODEL_XML = build_model_xml(SceneParameters())
 for pattern, text in (
     (r"<option [^>]*/>", OPTION),
-    (r'solref="[^"]*"', 'solref="0.004 1"'),
+    (r'solref="[^"]*"', 'solref="0.002 1"'),
     (r'solimp="[^"]*"', 'solimp="0.95 0.99 0.001 0.5 2"'),
 ):
     MODEL_XML = re.sub(pattern, text, MODEL_XML)
 AZIMUTHS = (0.0, 120.0, 240.0)
-STEPS = 2
+STEPS = 4
 HOME = [0.0, 0.0, 0.16, 1.0, 0.0, 0.0, 0.0]
 RADIUS, TIP = 0.035, 0.018
 
