@@ -166,8 +166,8 @@ def _solve_home(name: str, chain: Chain, base: Array, center: Array, distance: f
         reached, room.min(axis=1) - 0.05 * np.abs(q - 0.5 * (chain.lower + chain.upper)).sum(axis=1), -np.inf
     )
     best = int(np.argmax(np.round(score, 6)))
-    if not reached[best] or room[best].min() < 0.0:
+    if not reached[best] or room[best].min() < -1e-6:
         raise DexplanError(
             f"{name} cannot point at the object from home: its joint ranges leave no posture; widen them or move the base"
         )
-    return q[best]
+    return np.clip(q[best], chain.lower, chain.upper)
