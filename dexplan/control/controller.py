@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference
-from dexplan.control.tasks import FingertipTask
+from dexplan.control.tasks import FingertipTask, JointLimit
 from dexplan.grasp.force import ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
 from dexplan.scene.scene import Scene
@@ -89,19 +89,18 @@ class Controller:
         self._joints = np.array([[self._model.joint(j).id for j in f.joint_names] for f in scene.fingers])
         self._sites = np.array([self._model.site(f"{f.name}/tip_center").id for f in scene.fingers])
         self._task = FingertipTask(self._sites, self._model.nv)
-        names = [name for f in scene.fingers for name in f.joint_names]
-        self._limits = [
-            mink.ConfigurationLimit(self._model),
-            mink.VelocityLimit(self._model, dict.fromkeys(names, options.joint_speed)),
-        ]
         self._lower, self._upper = (
             np.stack([getattr(f.chain, k) for f in scene.fingers]) for k in ("lower", "upper")
         )
+        lower, upper = np.empty(self._model.nq), np.empty(self._model.nq)
+        lower[self._joints], upper[self._joints] = self._lower, self._upper
+        self._limits = [JointLimit(lower, upper, options.joint_speed)]
         self._gain = np.stack([f.servo_gain for f in scene.fingers])
         self._damping = np.stack([f.servo_damping for f in scene.fingers])
         self._torque = np.stack([f.torque_limit for f in scene.fingers])
         self._friction = SoftFinger(options.sliding, options.torsional).scaled(CONE_SHARE)
         self._solvers: dict[tuple[int, ...], ForceSolver] = {}
+        self._force_limits: tuple[object, ForceLimits] | None = None
         self._bias = np.zeros(self._model.nv)
         self._phase, self._phase_start = -1, 0.0
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
@@ -273,9 +272,8 @@ class Controller:
             return forces_W, torque, None
         solver = self._solvers.get(holding)
         if solver is None:
-            solver = ForceSolver(
-                [self._friction] * len(holding), self._joints.shape[1], length=0.035, smoothness=0.0
-            )
+            size = float(np.linalg.norm(self._scene.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
+            solver = ForceSolver([self._friction] * len(holding), self._joints.shape[1], length=size)
             self._solvers[holding] = solver
         s = min(t / phase.duration, 1.0)
         share = (phase.load_start + (phase.load_end - phase.load_start) * _smooth(s))[list(holding)]
@@ -294,17 +292,23 @@ class Controller:
         weight = mass * (acceleration[:3] + np.array([0.0, 0.0, GRAVITY]))
         wrench = np.concatenate([R_WO.T @ weight, inertia @ (R_WO.T @ acceleration[3:])])
         bias = self._bias[self._joints[list(holding)]]
-        reach = self._options.torque_fraction * self._torque[list(holding)]
-        limits = ForceLimits(
-            share * self._options.normal_floor, share * self._options.normal_ceiling + 1e-9, -reach, reach
-        )
+        limits = self._limit_forces(holding, tuple(share.tolist()))
         target = share * self._reference.normal_force
         qp = solver.solve(G, wrench, limits, target, maps, bias)
-        forces = np.nan_to_num(qp.forces)
+        forces = qp.forces if qp.is_solved else np.nan_to_num(qp.forces)
         for k, i in enumerate(holding):
             forces_W[i] = [*(frames[k] @ forces[k, :3]), forces[k, 3]]
             torque[i] = maps[k] @ forces[k]
         return forces_W, torque, qp
+
+    def _limit_forces(self, holding: tuple[int, ...], share: tuple[float, ...]) -> ForceLimits:
+        """Return the limits for loads of these shares; most ticks ask for the same ones as the tick before."""
+        key = (holding, share)
+        if self._force_limits is None or self._force_limits[0] != key:
+            loads, reach = np.array(share), self._options.torque_fraction * self._torque[list(holding)]
+            floor, ceiling = loads * self._options.normal_floor, loads * self._options.normal_ceiling + 1e-9
+            self._force_limits = (key, ForceLimits(floor, ceiling, -reach, reach))
+        return self._force_limits[1]
 
 
 def _smooth(s: float) -> float:

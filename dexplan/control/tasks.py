@@ -1,4 +1,4 @@
-"""Our mink tasks."""
+"""Our mink task and limit."""
 
 from __future__ import annotations
 
@@ -50,3 +50,22 @@ class FingertipTask(mink.Task):
             block = self._jacobian[6 * k : 6 * k + 6]
             mujoco.mj_jacSite(configuration.model, configuration.data, block[:3], block[3:], site)
         return self._jacobian
+
+
+class JointLimit(mink.Limit):
+    """Joint ranges and joint speeds as one pair of rows per joint, whichever of the two is nearer.
+
+    The same bounds as `mink.ConfigurationLimit` with `mink.VelocityLimit`, in half the rows: the QP is solved at every tick.
+    """
+
+    def __init__(self, lower: Array, upper: Array, speed: float, gain: float = 0.95) -> None:
+        self._lower, self._upper = lower, upper
+        self._speed, self._gain = speed, gain
+        eye = np.eye(len(lower))
+        self._rows = np.vstack([eye, -eye])
+
+    def compute_qp_inequalities(self, configuration: mink.Configuration, dt: float) -> mink.Constraint:
+        """Return the rows ``G dq <= h`` for a step of ``dt`` [s] from the current posture."""
+        q, step = configuration.q, self._speed * dt
+        h = np.concatenate([self._upper - q, q - self._lower])
+        return mink.Constraint(G=self._rows, h=np.minimum(self._gain * h, step))

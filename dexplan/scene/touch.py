@@ -67,7 +67,9 @@ def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
             point[i] = R_WO.T @ (p_W - p_WO)
             rotation[i] = R_WO.T @ R_WC
             force[i] = [*(R_WC.T @ f_W), R_WC[:, 2] @ tau]
-            v, w = _relative_velocity(model, data, int(model.geom_bodyid[tip]), scene.object_body, p_W)
+            v, w = _point_velocity(model, data, int(model.geom_bodyid[tip]), p_W)
+            v_object, w_object = _point_velocity(model, data, scene.object_body, p_W)
+            v, w = v - v_object, w - w_object
             slip[i] = [R_WC[:, 0] @ v, R_WC[:, 1] @ v, R_WC[:, 2] @ w]
             penetration[i] = -dist[k]
             pole = data.site_xmat[scene.tip_sites[i]][2::3]
@@ -88,15 +90,6 @@ def compute_static_normal_force(scene: Scene, data: mujoco.MjData, finger: int) 
             row = data.contact.efc_address[k]
             return float(data.efc_D[row] * data.efc_aref[row]) if row >= 0 else 0.0
     return 0.0
-
-
-def _relative_velocity(
-    model: mujoco.MjModel, data: mujoco.MjData, body: int, other: int, p_W: Array
-) -> tuple[Array, Array]:
-    """Return linear and angular velocity, in W, of ``body`` relative to ``other`` at the world point ``p_W``."""
-    v, w = _point_velocity(model, data, body, p_W)
-    v_other, w_other = _point_velocity(model, data, other, p_W)
-    return v - v_other, w - w_other
 
 
 def _point_velocity(model: mujoco.MjModel, data: mujoco.MjData, body: int, p_W: Array) -> tuple[Array, Array]:
