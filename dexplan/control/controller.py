@@ -22,10 +22,12 @@ from dexplan.control.tasks import FingertipTask, JointLimit
 from dexplan.grasp.force import ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
 from dexplan.scene.scene import Scene
-from dexplan.spatial import GRAVITY, Array, invert_pose, rotation_matrix, rotation_vector
+from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix, rotation_vector
 
 TICK = 0.004
 """Control period [s]."""
+REFRESH = 5
+"""Ticks between two looks at where the contacts are on the object."""
 CONE_SHARE = 0.99
 """Share of the believed cone that forces may use: the rest covers what contact frames are known to."""
 CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
@@ -100,7 +102,11 @@ class Controller:
         self._torque = np.stack([f.torque_limit for f in scene.fingers])
         self._friction = SoftFinger(options.sliding, options.torsional).scaled(CONE_SHARE)
         self._solvers: dict[tuple[int, ...], ForceSolver] = {}
+        self._maps: tuple[object, Array, Array, list[tuple[Array, Array]]] | None = None
+        self._ticks = 0
         self._force_limits: tuple[object, ForceLimits] | None = None
+        self._measured = mujoco.MjData(self._model)
+        self._J = np.zeros((self._n, 6, self._model.nv))
         self._bias = np.zeros(self._model.nv)
         self._phase, self._phase_start = -1, 0.0
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
@@ -141,22 +147,21 @@ class Controller:
 
     def _sense(self, observation: Observation) -> None:
         """Measured tip poses, Jacobians and gravity torques, from the hand's own model at the measured posture."""
-        configuration, data = self._configuration, self._configuration.data
-        commanded = configuration.q.copy() if self._phase >= 0 else None
-        q = np.empty(self._model.nq)
-        q[self._joints] = observation.q
-        configuration.update(q)
+        data = self._measured
+        data.qpos[self._joints] = observation.q
         data.qvel[self._joints] = observation.qdot
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_comPos(self._model, data)
         mujoco.mj_comVel(self._model, data)
         mujoco.mj_rne(self._model, data, 0, self._bias)
         self._X_WF = np.tile(np.eye(4), (self._n, 1, 1))
         self._X_WF[:, :3, :3] = data.site_xmat[self._sites].reshape(-1, 3, 3)
         self._X_WF[:, :3, 3] = data.site_xpos[self._sites]
-        self._J = self._task.compute_jacobian(configuration).reshape(self._n, 6, -1).copy()
-        if commanded is None:
+        for i, site in enumerate(self._sites):
+            mujoco.mj_jacSite(self._model, data, self._J[i, :3], self._J[i, 3:], site)
+        if self._phase < 0:
+            self._configuration.update(data.qpos)
             self._targets = self._X_WF.copy()
-        else:
-            configuration.update(commanded)
 
     def _advance(self, observation: Observation) -> tuple[Phase, float, bool, str | None]:
         """Move on to the phase that holds now; return it, the time within it, whether all is done, and what failed."""
@@ -220,7 +225,9 @@ class Controller:
         return X
 
     def _relax(self, observation: Observation, phase: Phase) -> None:
-        share = TICK / self._options.relaxation
+        if self._ticks % REFRESH:
+            return
+        share = REFRESH * TICK / self._options.relaxation
         X_OW = invert_pose(observation.X_WO)
         for i in phase.holding:
             X_OF = X_OW @ self._X_WF[i]
@@ -277,17 +284,8 @@ class Controller:
             self._solvers[holding] = solver
         s = min(t / phase.duration, 1.0)
         share = (phase.load_start + (phase.load_end - phase.load_start) * _smooth(s))[list(holding)]
-        R_WO, surface = observation.X_WO[:3, :3], self._scene.object.surface
-        G = np.zeros((6, 4 * len(holding)))
-        maps = np.zeros((len(holding), self._joints.shape[1], 4))
-        R_OW, frames = R_WO.T, []
-        for k, i in enumerate(holding):
-            p_OC = surface.closest(self._carried[i][:3, 3])
-            p_OF = R_OW @ (self._X_WF[i][:3, 3] - observation.X_WO[:3, 3])
-            J_O = np.vstack([R_OW @ self._J[i][:3, self._joints[i]], R_OW @ self._J[i][3:, self._joints[i]]])
-            columns, maps[k] = map_contact(J_O, p_OC, p_OC - p_OF)
-            G[:, 4 * k : 4 * k + 4] = columns
-            frames.append(R_WO @ columns[:3, :3])
+        R_WO = observation.X_WO[:3, :3]
+        G, maps, frames = self._map_grasp(observation, holding)
         mass, inertia = self._scene.object.mass, self._scene.object.inertia
         weight = mass * (acceleration[:3] + np.array([0.0, 0.0, GRAVITY]))
         wrench = np.concatenate([R_WO.T @ weight, inertia @ (R_WO.T @ acceleration[3:])])
@@ -297,9 +295,36 @@ class Controller:
         qp = solver.solve(G, wrench, limits, target, maps, bias)
         forces = qp.forces if qp.is_solved else np.nan_to_num(qp.forces)
         for k, i in enumerate(holding):
-            forces_W[i] = [*(frames[k] @ forces[k, :3]), forces[k, 3]]
-            torque[i] = maps[k] @ forces[k]
+            p_OC, R_OC = frames[k]
+            f_W, n_W = R_WO @ (R_OC @ forces[k, :3]), R_WO @ R_OC[:, 2]
+            arm = observation.X_WO[:3, 3] + R_WO @ p_OC - self._X_WF[i][:3, 3]
+            J = self._J[i][:, self._joints[i]]
+            forces_W[i, :3], forces_W[i, 3] = f_W, forces[k, 3]
+            torque[i] = f_W @ J[:3] + (cross(arm, f_W) + forces[k, 3] * n_W) @ J[3:]
         return forces_W, torque, qp
+
+    def _map_grasp(
+        self, observation: Observation, holding: tuple[int, ...]
+    ) -> tuple[Array, Array, list[tuple[Array, Array]]]:
+        """Return the grasp map, the torque maps (in object axes) and each contact's point and frame in the object.
+
+        Contacts hardly move on the object while they hold, and torque limits have room: the maps, which make the QP's matrix,
+        are made anew every ``REFRESH`` ticks.  What the servos are told uses the Jacobians of this very tick.
+        """
+        if self._maps is None or self._maps[0] != (self._phase, holding) or self._ticks % REFRESH == 0:
+            R_OW, surface = observation.X_WO[:3, :3].T, self._scene.object.surface
+            G, maps = np.zeros((6, 4 * len(holding))), np.zeros((len(holding), self._joints.shape[1], 4))
+            frames = []
+            for k, i in enumerate(holding):
+                p_OC = surface.closest(self._carried[i][:3, 3])
+                p_OF = R_OW @ (self._X_WF[i][:3, 3] - observation.X_WO[:3, 3])
+                J = self._J[i][:, self._joints[i]]
+                columns, maps[k] = map_contact(np.vstack([R_OW @ J[:3], R_OW @ J[3:]]), p_OC, p_OC - p_OF)
+                G[:, 4 * k : 4 * k + 4] = columns
+                frames.append((p_OC, columns[:3, :3]))
+            self._maps = ((self._phase, holding), G, maps, frames)
+        self._ticks += 1
+        return self._maps[1:]
 
     def _limit_forces(self, holding: tuple[int, ...], share: tuple[float, ...]) -> ForceLimits:
         """Return the limits for loads of these shares; most ticks ask for the same ones as the tick before."""

@@ -44,39 +44,47 @@ def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
     force, slip = np.full((n, 4), np.nan), np.full((n, 3), np.nan)
     penetration, pole_angle = np.full(n, np.nan), np.full(n, np.nan)
     if data.ncon:
-        geoms, dist = data.contact.geom, data.contact.dist
-        R_WO = data.xmat[scene.object_body].reshape(3, 3)
-        p_WO = data.xpos[scene.object_body]
-        for i, tip in enumerate(scene.tip_geoms):
-            pair = ((geoms[:, 0] == tip) & (geoms[:, 1] == scene.object_geom)) | (
-                (geoms[:, 1] == tip) & (geoms[:, 0] == scene.object_geom)
-            )
-            hits = [int(k) for k in np.flatnonzero(pair) if data.contact.efc_address[k] >= 0]
-            if not hits:
-                continue
-            k = min(hits, key=lambda h: dist[h])
-            R_CW = data.contact.frame[k].reshape(3, 3)
-            wrench = np.zeros(6)
+        deepest = _find_contacts(scene, data)
+        # Each access to these makes an array; once is enough.
+        frames, points = data.contact.frame, data.contact.pos
+        R_WO, p_WO = data.xmat[scene.object_body].reshape(3, 3), data.xpos[scene.object_body]
+        wrench = np.zeros(6)
+        for i, (k, distance, is_object_second) in deepest.items():
+            R_CW, p_W = frames[k].reshape(3, 3), points[k]
             mujoco.mj_contactForce(model, data, k, wrench)
             # Object second: normal and force are already ours.  Object first: turn both about the first tangent.
-            sign = 1.0 if geoms[k, 1] == scene.object_geom else -1.0
+            sign = 1.0 if is_object_second else -1.0
             R_WC = np.stack([R_CW[1], sign * R_CW[2], sign * R_CW[0]], axis=1)
-            f_W, tau = sign * (R_CW.T @ wrench[:3]), sign * (R_CW.T @ wrench[3:])
-            p_W = data.contact.pos[k]
-            active[i] = True
-            point[i] = R_WO.T @ (p_W - p_WO)
-            rotation[i] = R_WO.T @ R_WC
-            force[i] = [*(R_WC.T @ f_W), R_WC[:, 2] @ tau]
-            v, w = _point_velocity(model, data, int(model.geom_bodyid[tip]), p_W)
+            v, w = _point_velocity(model, data, int(model.geom_bodyid[scene.tip_geoms[i]]), p_W)
             v_object, w_object = _point_velocity(model, data, scene.object_body, p_W)
-            v, w = v - v_object, w - w_object
-            slip[i] = [R_WC[:, 0] @ v, R_WC[:, 1] @ v, R_WC[:, 2] @ w]
-            penetration[i] = -dist[k]
+            active[i] = True
+            point[i] = (p_W - p_WO) @ R_WO
+            rotation[i] = R_WO.T @ R_WC
+            force[i, :3] = (sign * (wrench[:3] @ R_CW)) @ R_WC
+            force[i, 3] = (sign * (wrench[3:] @ R_CW)) @ R_WC[:, 2]
+            slip[i, :2] = ((v - v_object) @ R_WC)[:2]
+            slip[i, 2] = (w - w_object) @ R_WC[:, 2]
+            penetration[i] = -distance
             pole = data.site_xmat[scene.tip_sites[i]][2::3]
-            pole_angle[i] = math.atan2(
-                float(np.linalg.norm(cross(pole, R_WC[:, 2]))), float(pole @ R_WC[:, 2])
-            )
+            across = cross(pole, R_WC[:, 2])
+            pole_angle[i] = math.atan2(math.sqrt(across.dot(across)), float(pole.dot(R_WC[:, 2])))
     return Touches(active, point, rotation, force, slip, penetration, pole_angle)
+
+
+def _find_contacts(scene: Scene, data: mujoco.MjData) -> dict[int, tuple[int, float, bool]]:
+    """Return per finger that touches: its deepest contact's index, distance [m], and whether the object is geom[1]."""
+    finger_of = {int(geom): i for i, geom in enumerate(scene.tip_geoms)}
+    found: dict[int, tuple[int, float, bool]] = {}
+    rows = zip(
+        data.contact.geom.tolist(), data.contact.dist.tolist(), data.contact.efc_address.tolist(), strict=True
+    )
+    for k, ((first, second), distance, address) in enumerate(rows):
+        if address < 0 or scene.object_geom not in (first, second):
+            continue
+        i = finger_of.get(first if second == scene.object_geom else second)
+        if i is not None and (i not in found or distance < found[i][1]):
+            found[i] = (k, distance, second == scene.object_geom)
+    return found
 
 
 def compute_static_normal_force(scene: Scene, data: mujoco.MjData, finger: int) -> float:
