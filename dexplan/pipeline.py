@@ -144,7 +144,13 @@ def rollout(
 
 def build_options(problem: Problem, **changes: float) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
-    options = ControlOptions(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
+    limits = AdmissibleLimits()
+    options = ControlOptions(
+        problem.friction.believed_sliding,
+        problem.friction.believed_torsional_m,
+        normal_floor=limits.normal_floor,
+        normal_ceiling=limits.normal_ceiling,
+    )
     return replace(options, **changes)
 
 

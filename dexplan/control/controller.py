@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
-from dexplan.control.reference import Phase, Reference
+from dexplan.control.reference import Phase, Reference, smooth_step
 from dexplan.control.tasks import FingertipTask, JointLimit
 from dexplan.grasp.force import ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
@@ -105,7 +105,7 @@ class Controller:
         self._maps: tuple[object, Array, Array, list[tuple[Array, Array]]] | None = None
         self._ticks = 0
         self._force_limits: tuple[object, ForceLimits] | None = None
-        self._measured = mujoco.MjData(self._model)
+        self._measured = mink.Configuration(self._model)
         self._J = np.zeros((self._n, 6, self._model.nv))
         self._bias = np.zeros(self._model.nv)
         self._phase, self._phase_start = -1, 0.0
@@ -147,11 +147,10 @@ class Controller:
 
     def _sense(self, observation: Observation) -> None:
         """Measured tip poses, Jacobians and gravity torques, from the hand's own model at the measured posture."""
-        data = self._measured
+        data = self._measured.data
         data.qpos[self._joints] = observation.q
         data.qvel[self._joints] = observation.qdot
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_comPos(self._model, data)
+        self._measured.update()
         mujoco.mj_comVel(self._model, data)
         mujoco.mj_rne(self._model, data, 0, self._bias)
         self._X_WF = np.tile(np.eye(4), (self._n, 1, 1))
@@ -259,7 +258,7 @@ class Controller:
     def _aim_free(self, phase: Phase, t: float, X_WO: Array) -> Array:
         assert phase.finger is not None
         if self._path is not None:
-            return self._scene.fingers[phase.finger].pose_at(self._path(_smooth(t / phase.duration)))
+            return self._scene.fingers[phase.finger].pose_at(self._path(smooth_step(t / phase.duration)))
         gap = phase.sample_gap(t, self._reference.timing.touch_speed)
         X_OF = (self._X_OF_start if phase.X_OF is None else phase.X_OF).copy()
         assert phase.normal_O is not None
@@ -282,8 +281,8 @@ class Controller:
             size = float(np.linalg.norm(self._scene.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
             solver = ForceSolver([self._friction] * len(holding), self._joints.shape[1], length=size)
             self._solvers[holding] = solver
-        s = min(t / phase.duration, 1.0)
-        share = (phase.load_start + (phase.load_end - phase.load_start) * _smooth(s))[list(holding)]
+        s = smooth_step(t / phase.duration)
+        share = (phase.load_start + (phase.load_end - phase.load_start) * s)[list(holding)]
         R_WO = observation.X_WO[:3, :3]
         G, maps, frames = self._map_grasp(observation, holding)
         mass, inertia = self._scene.object.mass, self._scene.object.inertia
@@ -334,8 +333,3 @@ class Controller:
             floor, ceiling = loads * self._options.normal_floor, loads * self._options.normal_ceiling + 1e-9
             self._force_limits = (key, ForceLimits(floor, ceiling, -reach, reach))
         return self._force_limits[1]
-
-
-def _smooth(s: float) -> float:
-    s = min(max(s, 0.0), 1.0)
-    return s * s * s * (10.0 + s * (6.0 * s - 15.0))

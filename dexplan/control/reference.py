@@ -136,7 +136,8 @@ class Phase:
 
 
 def smooth_step(s: float) -> float:
-    """Return the quintic from 0 to 1 that starts and ends at rest without acceleration."""
+    """Return the quintic from 0 to 1 that starts and ends at rest without acceleration; flat outside."""
+    s = min(max(s, 0.0), 1.0)
     return s * s * s * (10.0 + s * (6.0 * s - 15.0))
 
 

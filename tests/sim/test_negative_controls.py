@@ -153,7 +153,6 @@ def test_tips_pivot_and_slide_without_torsional_friction(problem: Problem, plan:
         "not_dropped",
         "rotation_error_max",
         "coulomb_slip_max",
-        "rolling_error_max",
         "friction_utilisation_max",
     } <= failed(report)
     assert "physics_untouched" in failed(pipeline.validate(problem, plan, trace))
