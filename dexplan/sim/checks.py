@@ -210,7 +210,8 @@ def compute_twist(turns: Rotation, axis: Any) -> Array:
     a turn.
     """
     axis = np.asarray(axis, dtype=np.float64)
-    quat = turns.as_quat(scalar_first=True)
+    # A quaternion and its negative are one rotation: without a choice the first angle could be a whole turn off.
+    quat = turns.as_quat(canonical=True, scalar_first=True)
     return np.unwrap(2 * np.arctan2(quat[:, 1:] @ (axis / np.linalg.norm(axis)), quat[:, 0]))
 
 

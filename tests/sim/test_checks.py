@@ -23,6 +23,7 @@ from held_ball import (
 )
 from scipy.spatial.transform import Rotation
 
+from dexplan.sim.checks import compute_twist
 from dexplan.sim.checks_case import Case, find_runs, widen
 from dexplan.sim.checks_closure import compute_closure_slack, compute_load_margin
 from dexplan.sim.replay import OtherContact
@@ -456,3 +457,11 @@ def test_load_margin_of_a_pair_is_the_closed_form(phi: float) -> None:
 
 def test_every_limit_is_a_number() -> None:
     assert all(isinstance(value, bool | int | float) for value in load_default_limits().values())
+
+
+def test_twist_starts_within_half_a_turn_whichever_quaternion_says_so() -> None:
+    angles = np.radians(np.linspace(0.0, 400.0, 81))
+    quat = np.stack([np.cos(angles / 2), 0 * angles, 0 * angles, np.sin(angles / 2)], axis=1)
+    for sign in (1.0, -1.0):
+        turns = Rotation.from_quat(sign * quat, scalar_first=True)
+        assert np.allclose(compute_twist(turns, [0.0, 0.0, 2.0]), angles, atol=1e-9)
