@@ -26,6 +26,8 @@ from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix,
 
 TICK = 0.004
 """Control period [s]."""
+ACCELERATION_LIMIT = 15.0
+"""Commanded joint accelerations beyond this [rad/s^2] are jumps, not motion, and get no torque of their own."""
 REFRESH = 5
 """Ticks between two looks at where the contacts are on the object."""
 CONE_SHARE = 0.99
@@ -108,6 +110,7 @@ class Controller:
         self._measured = mink.Configuration(self._model)
         self._J = np.zeros((self._n, 6, self._model.nv))
         self._bias = np.zeros(self._model.nv)
+        self._qdot = np.zeros(self._joints.shape)
         self._phase, self._phase_start = -1, 0.0
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
         self._adopted: frozenset[int] = frozenset()
@@ -128,7 +131,7 @@ class Controller:
         q = self._configuration.q[self._joints]
         bias = self._bias[self._joints]
         ctrl = np.zeros(self._scene.model.nu)
-        push = self._options.feedforward * (bias + torque)
+        push = self._options.feedforward * (bias + torque + self._accelerate(qdot))
         ctrl[self._scene.actuators] = q + (push + self._damping * qdot) / self._gain
         return Command(
             ctrl,
@@ -254,6 +257,16 @@ class Controller:
         q = configuration.q[self._joints]
         at_limit = bool((np.minimum(q - self._lower, self._upper - q) < 1e-3).any())
         return velocity[self._joints], float(np.linalg.norm(error[:, :3], axis=1).max()), at_limit
+
+    def _accelerate(self, qdot: Array) -> Array:
+        """Return the joint torques (F, J) that the commanded motion takes: its inertia and the joints' own damping."""
+        acceleration = np.clip((qdot - self._qdot) / TICK, -ACCELERATION_LIMIT, ACCELERATION_LIMIT)
+        self._qdot = qdot
+        flat, inertial = np.zeros(self._model.nv), np.zeros(self._model.nv)
+        flat[self._joints] = acceleration
+        mujoco.mj_crb(self._model, self._measured.data)
+        mujoco.mj_mulM(self._model, self._measured.data, inertial, flat)
+        return inertial[self._joints] + self._model.dof_damping[self._joints] * qdot
 
     def _aim_free(self, phase: Phase, t: float, X_WO: Array) -> Array:
         assert phase.finger is not None
