@@ -27,7 +27,7 @@ from dexplan.sim.trace import Trace
 from dexplan.sim.validate import ValidationReport, validate_run
 from dexplan.spatial import Array, as_pose
 
-NORMAL_FORCE = 5.0
+NORMAL_FORCE = 5.5
 """Normal force that a loaded contact aims at [N]; the force QP raises it where the load asks for more."""
 
 

@@ -19,7 +19,7 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference, smooth_step
 from dexplan.control.tasks import FingertipTask, JointLimit
-from dexplan.grasp.force import ForceLimits, ForceSolution, ForceSolver
+from dexplan.grasp.force import GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix, rotation_vector
@@ -292,7 +292,12 @@ class Controller:
         solver = self._solvers.get(holding)
         if solver is None:
             size = float(np.linalg.norm(self._scene.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
-            solver = ForceSolver([self._friction] * len(holding), self._joints.shape[1], length=size)
+            solver = ForceSolver(
+                [self._friction] * len(holding),
+                self._joints.shape[1],
+                length=size,
+                friction_weight=GENTLE_FRICTION,
+            )
             self._solvers[holding] = solver
         s = smooth_step(t / phase.duration)
         share = (phase.load_start + (phase.load_end - phase.load_start) * s)[list(holding)]

@@ -40,6 +40,11 @@ _CURES = {
 }
 
 
+GENTLE_FRICTION = 0.02
+"""Friction weight for planning and control.  Between contacts that are not opposite, less tangential force also means less
+squeeze, and less squeeze is nearer to sliding under the load: the weight only has to decide what the squeeze leaves open."""
+
+
 @final
 class ForceSolver:
     """The quadratic program of one contact mode (which fingers touch, and how): fixed sparsity, warm started.

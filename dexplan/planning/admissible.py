@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.grasp.force import ForceLimits, ForceSolver
+from dexplan.grasp.force import GENTLE_FRICTION, ForceLimits, ForceSolver
 from dexplan.grasp.grasp import map_contact
 from dexplan.planning.hand import HandModel
 from dexplan.scene.chain import (
@@ -159,7 +159,9 @@ class Admissibility:
         if solver is None:
             friction = hand.friction.scaled(limits.cone_share)
             length = float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
-            solver = self._solvers[n] = ForceSolver([friction] * n, joints, length=length)
+            solver = self._solvers[n] = ForceSolver(
+                [friction] * n, joints, length=length, friction_weight=GENTLE_FRICTION
+            )
         R_WO, p_WO = X_WO[:3, :3], X_WO[:3, 3]
         G, maps = np.zeros((6, 4 * n)), np.zeros((n, joints, 4))
         for k, i in enumerate(holding):
