@@ -146,8 +146,8 @@ def test_friction_at_the_edge_is_seen_without_a_drop(problem: Problem, plan: Pla
 
 
 def test_tips_pivot_and_slide_without_torsional_friction(problem: Problem, plan: Plan) -> None:
-    trace = rerun(problem, plan, torsional_friction=0.0008)
-    true = replace(problem, friction=replace(problem.friction, torsional_m=0.0008))
+    trace = rerun(problem, plan, torsional_friction=0.0003)
+    true = replace(problem, friction=replace(problem.friction, torsional_m=0.0003))
     report = pipeline.validate(true, plan, trace)
     assert {
         "not_dropped",
