@@ -110,7 +110,7 @@ class Controller:
         self._measured = mink.Configuration(self._model)
         self._J = np.zeros((self._n, 6, self._model.nv))
         self._bias = np.zeros(self._model.nv)
-        self._qdot: Array | None = None
+        self._qdot, self._settling = np.zeros(self._joints.shape), REFRESH
         self._phase, self._phase_start = -1, 0.0
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
         self._adopted: frozenset[int] = frozenset()
@@ -187,7 +187,7 @@ class Controller:
             self._enter(self._phase + 1, observation.time, observation)
 
     def _enter(self, index: int, time: float, observation: Observation) -> None:
-        self._phase, self._phase_start, self._qdot = index, time, None
+        self._phase, self._phase_start, self._settling = index, time, REFRESH
         phase = self._reference.phases[index]
         X_OW = invert_pose(observation.X_WO)
         # A finger that begins to hold is carried from where it really touched, not from where it should have.
@@ -261,8 +261,9 @@ class Controller:
     def _accelerate(self, qdot: Array) -> Array:
         """Return the joint torques (F, J) that the commanded motion takes: its inertia and the joints' own damping."""
         # Where a phase begins the command may jump, as when a finger has just touched: that is no acceleration to push for.
-        last = qdot if self._qdot is None else self._qdot
-        acceleration = np.clip((qdot - last) / TICK, -ACCELERATION_LIMIT, ACCELERATION_LIMIT)
+        self._settling = max(0, self._settling - 1)
+        acceleration = np.clip((qdot - self._qdot) / TICK, -ACCELERATION_LIMIT, ACCELERATION_LIMIT)
+        acceleration *= self._settling == 0
         self._qdot = qdot
         flat, inertial = np.zeros(self._model.nv), np.zeros(self._model.nv)
         flat[self._joints] = acceleration
