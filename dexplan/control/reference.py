@@ -36,7 +36,7 @@ class Timing:
     """Time to bring the object up to speed, and to rest again."""
     touch_timeout: float = 0.15
     """How much longer than planned a finger may take to find the object."""
-    light_load: float = 0.15
+    light_load: float = 0.25
     """Share of its full load that a finger bears when it has just touched and before it leaves."""
     hover: float = 0.008
     """Where an approach starts and a retreat ends, off the surface [m]."""
