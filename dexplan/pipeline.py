@@ -17,7 +17,7 @@ from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import plan_rotation, refuse
 from dexplan.problems.problem import Problem, compute_contact_directions
-from dexplan.scene.description import Obstacle, SceneParameters
+from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene
@@ -57,7 +57,7 @@ def build_hand(problem: Problem, scene: Scene) -> HandModel:
     timing = build_timing(problem)
     return HandModel(
         fingers=scene.fingers,
-        object=scene.object,
+        object=replace(scene.object, allowed_regions=build_allowed_regions(problem)),
         workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
         friction=SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m),
         probe=HandProbe(scene),
@@ -65,6 +65,14 @@ def build_hand(problem: Problem, scene: Scene) -> HandModel:
         normal_force=NORMAL_FORCE,
         hover=timing.hover,
         acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
+    )
+
+
+def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
+    """Return the parts of the object that contacts may use; none means all of it."""
+    return tuple(
+        ContactCone(np.array(region.axis), float(np.radians(region.half_angle_deg)))
+        for region in problem.object.allowed_regions
     )
 
 

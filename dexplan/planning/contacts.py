@@ -204,16 +204,21 @@ class ContactTable:
             f"{angle:.1f} deg or more apart, as force closure with the believed friction and a margin needs"
         )
 
-    def landings(self, finger: int, keep: Held, held: tuple[Held, ...]) -> list[Held]:
+    def allows(self, normals: Array, done: int) -> NDArray[np.bool_]:
+        """Return whether contacts along ``normals`` (..., 3) in W may be made (...) when the turn has come to ``done``."""
+        return self.hand.object.allows(normals @ self.object_pose(done)[:3, :3])
+
+    def landings(self, finger: int, keep: Held, held: tuple[Held, ...], done: int) -> list[Held]:
         """Return the most promising places for a free ``finger`` to land that hold with ``keep`` and clear all of ``held``.
 
         Promising: the pair can be carried far, and its contacts are nearly opposite (small forces, room for error).
+        ``done`` is the progress of the turn [stations], which decides what part of the object is where.
         """
         rows = self.candidates[finger]
         if not len(rows.orbit):
             return []
         beta = 0.5 * np.arccos(np.clip(rows.normals @ -self.normal(keep), -1.0, 1.0))
-        ok = beta < self.beta_max
+        ok = (beta < self.beta_max) & self.allows(rows.normals, done)
         tips = self._tip(finger, rows.normals)
         for h in held:
             radii = self.hand.fingers[finger].tip_radius + self.hand.fingers[h.finger].tip_radius
@@ -251,10 +256,11 @@ class ContactTable:
         fingers = sorted(self.candidates)
         for a, first in enumerate(fingers):
             rows = self.candidates[first]
-            for row in range(0, len(rows.orbit), max(1, len(rows.orbit) // 160)):
+            usable = np.flatnonzero(self.allows(rows.normals, 0))
+            for row in usable[:: max(1, len(usable) // 160)]:
                 h = Held(first, int(rows.orbit[row]), int(rows.station[row]), 0, int(rows.carry[row]))
                 for second in fingers[a + 1 :]:
-                    for other in self.landings(second, h, (h,))[:2]:
+                    for other in self.landings(second, h, (h,), 0)[:2]:
                         promise = min(h.left, other.left, max(self.stations, 1))
                         found.append(
                             (promise - 8.0 * self.pair_angle((h, other)) / self.beta_max, (h, other))

@@ -78,6 +78,14 @@ def plan_rotation(
                     f"{hand.fingers[finger].name} cannot hold its start contact: it lies outside the finger's workspace or "
                     'against a joint limit; move the contact towards the finger, or set start.contacts_deg = "auto"',
                 )
+            if normal is not None and not table.allows(normal, 0):
+                return refuse(
+                    hand,
+                    goal,
+                    "start_not_allowed",
+                    f"the start contact of {hand.fingers[finger].name} lies outside object.allowed_regions; move it inside, "
+                    'or set start.contacts_deg = "auto"',
+                )
         contacts = tuple(None if h is None else table.placement(h, 0) for h in held)
         grasps = [tuple(h for h in held if h is not None)]
     search = GaitSearch(table, node_budget)

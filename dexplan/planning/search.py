@@ -262,7 +262,7 @@ class GaitSearch:
             taken = {h.finger for h in held}
             for finger in sorted(set(self._table.candidates) - taken):
                 for keep, lifted in (held, held[::-1]):
-                    for landing in self._table.landings(finger, keep, held):
+                    for landing in self._table.landings(finger, keep, held, done):
                         children.append(
                             Node(done, (keep, landing), node.placements + 1, node, turn, landing, lifted)
                         )

@@ -45,6 +45,7 @@ def check_problem(problem: Problem, source: str) -> None:
     for check in (
         _check_names,
         _check_numbers,
+        _check_object,
         _check_hand,
         _check_friction,
         _check_start,
@@ -86,6 +87,14 @@ def _walk_numbers(value: Any, key: str) -> Iterator[tuple[str, float]]:
             yield from _walk_numbers(item, f"{key}[{index}]")
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield key, value
+
+
+def _check_object(problem: Problem, source: str) -> None:
+    for index, region in enumerate(problem.object.allowed_regions):
+        if math.hypot(*region.axis) < SMALLEST_NORM:
+            key = f"object.allowed_regions[{index}].axis"
+            fact = f"{spell(list(region.axis))} has no direction"
+            raise ProblemError(source, key, fact, describe_accepted(key))
 
 
 def _check_hand(problem: Problem, source: str) -> None:

@@ -61,11 +61,21 @@ ContactSpec = tuple[float, float] | ContactPoint | Literal["free"]
 
 
 @dataclass(frozen=True)
+class AllowedRegion:
+    """A cone of directions from the object's centre, in the object frame, around ``axis`` (any length but zero)."""
+
+    axis: tuple[float, float, float]
+    half_angle_deg: float
+
+
+@dataclass(frozen=True)
 class ObjectSection:
     """The object: a solid homogeneous body of this radius and mass."""
 
     radius_m: float = 0.035
     mass_kg: float = 0.060
+    allowed_regions: tuple[AllowedRegion, ...] = ()
+    """Contacts may only be made inside one of these cones; none means anywhere."""
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dexplan.contact.surface import AbstractSurface
 from dexplan.scene.chain import Chain, compute_tip_pose
 from dexplan.spatial import Array, read_only
@@ -61,14 +64,40 @@ class FingerDescription:
 
 
 @dataclass(frozen=True, eq=False)
+class ContactCone:
+    """Part of the object's surface that contacts may use: normals within ``half_angle`` [rad] of the unit ``axis_O`` (3,)."""
+
+    axis_O: Array
+    half_angle: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis_O", read_only(self.axis_O / np.linalg.norm(self.axis_O)))
+
+    def contains(self, n_O: Array) -> NDArray[np.bool_]:
+        """Return whether contacts with the outward normals ``n_O`` (..., 3) in object axes lie in the cone (...)."""
+        return np.asarray(n_O @ self.axis_O >= np.cos(self.half_angle))
+
+
+@dataclass(frozen=True, eq=False)
 class ObjectDescription:
-    """The manipulated object: surface in its own frame, mass [kg], inertia (3, 3) about its centre [kg m^2], home pose."""
+    """The manipulated object: surface in its own frame, mass [kg], inertia (3, 3) about its centre [kg m^2], home pose.
+
+    ``allowed_regions``: contacts may only be made where one of them says so; none means anywhere.
+    """
 
     surface: AbstractSurface
     mass: float
     inertia: Array
     X_WO_home: Array = field(repr=False)
+    allowed_regions: tuple[ContactCone, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("inertia", "X_WO_home"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def allows(self, n_O: Array) -> NDArray[np.bool_]:
+        """Return whether contacts with the outward normals ``n_O`` (..., 3) in object axes may be made (...)."""
+        allowed = np.full(np.shape(n_O)[:-1], not self.allowed_regions)
+        for cone in self.allowed_regions:
+            allowed |= cone.contains(n_O)
+        return allowed

@@ -86,6 +86,20 @@ def check_unexpected_contacts(case: Case) -> CheckResult:
     )
 
 
+def check_contact_region(case: Case) -> CheckResult:
+    """No fingertip touches the object outside the cones that the problem allows, at any sample."""
+    name, limit = "contact_region_error_max", case.limit("contact_region_error_max_deg")
+    points = case.replay.contact_point_O
+    unit = points / np.linalg.norm(points, axis=-1, keepdims=True)
+    outside = np.full(points.shape[:2], np.inf)
+    for cone in case.problem["object"]["allowed_regions"]:
+        axis = np.asarray(cone["axis"]) / np.linalg.norm(cone["axis"])
+        angle = np.degrees(np.arccos(np.clip(unit @ axis, -1.0, 1.0)))
+        outside = np.minimum(outside, np.maximum(0.0, angle - cone["half_angle_deg"]))
+    outside = np.where(case.replay.contact_active, outside, 0.0)
+    return judge_worst(name, outside, case.replay.time, limit, "deg", labels=case.replay.world.fingers)
+
+
 def check_object_support_other(case: Case) -> CheckResult:
     """No force on the object from links, floor or obstacles."""
     name, limit = "object_support_other", case.limit("object_support_other_N")

@@ -48,6 +48,7 @@ CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("turned_angle", checks.check_turned_angle),
     ("contact_error_final", checks.check_contact_error_final),
     ("contact_schedule", checks_contact.check_contact_schedule),
+    ("contact_region_error_max", checks_contact.check_contact_region),
     ("finger_order_kept", checks_contact.check_finger_order_kept),
     ("plan_force_closure", checks_forces.check_plan_force_closure),
     ("plan_load_margin", checks_forces.check_plan_load_margin),
@@ -74,6 +75,10 @@ NOT_APPLICABLE: Mapping[str, tuple[Callable[[Mapping[str, Any]], bool], str]] = 
     "contact_error_final": (
         lambda problem: not problem["goal"].get("contacts_deg"),
         "the goal names no contacts",
+    ),
+    "contact_region_error_max": (
+        lambda problem: not problem["object"].get("allowed_regions"),
+        "contacts are allowed everywhere",
     ),
     "rolling_error_max": (lambda problem: "radius_m" not in problem["object"], "the object is no sphere"),
     "position_error_final": (

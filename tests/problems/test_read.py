@@ -161,6 +161,23 @@ BAD_VALUES: list[tuple[str, Any, str]] = [
     ("object.radius_m", float("nan"), "object.radius_m: nan is not a finite number"),
     ("object.radius_m", float("inf"), "object.radius_m: inf is not a finite number"),
     ("object", 3, "object: 3 does not fit; accepted: a table"),
+    ("object.allowed_regions", 1, "object.allowed_regions: 1 does not fit; accepted: a list of cones { axis"),
+    (
+        "object.allowed_regions",
+        [{"axis": [0, 0, 0], "half_angle_deg": 10}],
+        "object.allowed_regions[0].axis: [0.0, 0.0, 0.0] has no direction",
+    ),
+    (
+        "object.allowed_regions",
+        [{"axis": [0, 0, 1], "half_angle_deg": 181}],
+        "object.allowed_regions[0].half_angle_deg: 181.0 is out of range; accepted: a number from 0.1 to 180 degrees",
+    ),
+    ("object.allowed_regions", [{"axis": [0, 0, 1]}], "object.allowed_regions[0].half_angle_deg: missing"),
+    (
+        "object.allowed_regions",
+        [{"axis": [0, 0, 1], "half_angle": 1}],
+        "object.allowed_regions[0].half_angle: unknown key 'half_angle'; did you mean 'half_angle_deg'?",
+    ),
     ("scene", "two_fingers", "unknown scene 'two_fingers'; did you mean 'three_finger_sphere'?"),
     ("seed", -1, "seed: -1 is out of range; accepted: a whole number"),
     ("seed", 1.5, "seed: 1.5 does not fit"),

@@ -10,13 +10,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from short_runs import build_plan_reference, failed, plan_of, report_of, simulate, turn_problem, with_truth
+from short_runs import (
+    build_plan_reference,
+    failed,
+    plan_of,
+    report_of,
+    simulate,
+    trace_of,
+    turn_problem,
+    with_truth,
+)
 
 from dexplan import pipeline
 from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Reference
 from dexplan.planning.plan import Plan, PlannedPhase
-from dexplan.problems.problem import Problem
+from dexplan.problems.problem import AllowedRegion, Problem
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.library import load_scene_with
 from dexplan.sim.trace import Trace
@@ -238,3 +247,18 @@ def test_what_each_path_is_worth(problem: Problem, plan: Plan) -> None:
     assert open_loop["not_dropped"].status == "pass"
     assert open_loop["rotation_error_max"].value is not None
     assert reports["whole controller"]["rotation_error_max"].value < open_loop["rotation_error_max"].value
+
+
+def test_contacts_outside_the_allowed_regions(problem: Problem, plan: Plan) -> None:
+    """The same run under a problem that allows contacts on the far side of the ball only."""
+    cone = AllowedRegion((0.0, 0.0, 1.0), 60.0)
+    strict = replace(problem, object=replace(problem.object, allowed_regions=(cone,)))
+    report = pipeline.validate(strict, plan, trace_of(problem))
+    assert failed(report) == {"contact_region_error_max"}
+    assert report["contact_region_error_max"].value == pytest.approx(
+        30.0, abs=0.5
+    )  # equator against 30 degrees up
+    everywhere = replace(
+        problem, object=replace(problem.object, allowed_regions=(AllowedRegion((0.0, 0.0, 1.0), 180.0),))
+    )
+    assert pipeline.validate(everywhere, plan, trace_of(problem)).is_passed
