@@ -8,6 +8,7 @@ the edge a grasp is.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,8 @@ from scipy.optimize import linprog
 from dexplan.contact.friction import NORMAL
 from dexplan.grasp.grasp import Grasp, compute_grasp_map
 from dexplan.spatial import GRAVITY, Array, read_only
+
+Method = Literal["cone", "polytope"]
 
 _GAP = 1e-7  # the cutting planes stop when the margin is known to this much
 _CLOSED = 1e-6  # a margin below the solver's own tolerance proves nothing
@@ -38,22 +41,54 @@ class ClosureResult:
     internal_forces: Array | None = None
 
 
-def check_force_closure(grasp: Grasp) -> ClosureResult:
-    """Check force closure of any set of contacts against their **exact** cones.
+def check_force_closure(grasp: Grasp, method: Method = "cone") -> ClosureResult:
+    """Check force closure of any set of contacts.
 
     A grasp is force closed iff G is onto and some internal force lies strictly inside all cones [MLS 1994,
-    prop. 5.3]:
-
-        maximise s  s.t.  G f = 0,  |f_t / c|_i <= f_n,i - s,  mean f_n = 1 N.
-
-    rank G = 6 alone is not force closure.  The cones enter as cutting planes, added where the last solution
-    leaves them, so that the linear program bounds the margin from above while its solution, measured with the
-    exact cone, bounds it from below; the margin returned is the attained one.  It is -inf where no internal
-    force presses at all.
+    prop. 5.3].  The second half is :func:`compute_load_margin` of no wrench at a mean squeeze of 1 N; rank G = 6
+    alone is not force closure.
     """
+    found = compute_load_margin(grasp, np.zeros(6), 1.0, method)
     meaning = (
         "normal force to spare at the weakest contact per newton of mean squeeze, by the best internal force"
     )
+    is_closed = found.rank == 6 and found.margin > _CLOSED
+    return ClosureResult(is_closed, found.margin, "N/N", meaning, found.rank, found.internal_forces)
+
+
+def compute_load_margin(
+    grasp: Grasp, wrench: ArrayLike, mean_normal: float, method: Method = "cone"
+) -> ClosureResult:
+    """Compute how far inside their cones the contacts stay while they exert ``wrench`` on the object.
+
+        maximise s  s.t.  G f = wrench,  |f_t / c|_i <= f_n,i - s,  mean f_n = mean_normal
+
+    and return s / mean_normal.  With ``"cone"`` the cones are exact; they enter as cutting planes, added where the
+    last solution leaves them, so that the linear program bounds the margin from above while its solution, measured
+    with the exact cone, bounds it from below; the margin returned is the attained one.  With ``"polytope"`` they are
+    the models' inscribed pyramids, and the margin is never more than the exact one.
+
+    Args:
+        grasp: the contacts.
+        wrench: (6,) [N, N m] that the contacts exert on the object about its origin, in object axes: minus
+            gravity's, to hold it.
+        mean_normal: mean normal force [N], positive.
+        method: ``"cone"`` or ``"polytope"``.
+
+    Returns:
+        A result whose ``is_closed`` says that the contacts can carry the wrench, and whose ``internal_forces``
+        (sum m,) [N, N m] attain the margin.  The margin is -inf where no forces of this mean balance the wrench.
+
+    Raises ValueError for a wrench of another shape, a mean that is not positive, and an unknown method.
+    """
+    load = np.asarray(wrench, dtype=np.float64)
+    if load.shape != (6,) or not np.isfinite(load).all():
+        raise ValueError(f"wrench is {load.tolist()}; six finite numbers (f, tau) are accepted")
+    if not (np.isfinite(mean_normal) and mean_normal > 0.0):
+        raise ValueError(f"mean normal force is {mean_normal} N; a positive finite one is accepted")
+    if method not in ("cone", "polytope"):
+        raise ValueError(f"method is {method!r}; 'cone' and 'polytope' are accepted")
+    meaning = "normal force to spare at the weakest contact per newton of mean squeeze, under the wrench"
     G = compute_grasp_map(grasp)
     length = max(float(np.mean([np.linalg.norm(c.p_OC) for c in grasp.contacts])), 1e-6)
     scaled = G.copy()
@@ -62,14 +97,18 @@ def check_force_closure(grasp: Grasp) -> ClosureResult:
 
     count, size = len(grasp.contacts), G.shape[1]
     normal = np.array([s.start + NORMAL for s in grasp.slices])
-    # Unknowns y = f / c (f_n itself for the normal) and s; dividing by capacity makes all cones circular.
+    # Unknowns y = f / (c mean_normal) (f_n / mean_normal for the normal) and s: all cones become circular.
     scale = np.concatenate([np.insert(model.capacity, NORMAL, 1.0) for model in grasp.models])
     equality = np.zeros((7, size + 1))
     equality[:6, :size] = scaled * scale
     equality[6, normal] = 1.0
+    right = np.concatenate([load[:3], load[3:] / length, [count * mean_normal]]) / mean_normal
     cost = np.zeros(size + 1)
     cost[-1] = -1.0
-    cuts = [_cut(grasp, i, n, size) for i, model in enumerate(grasp.models) for n in model.section[0]]
+    cuts = []
+    for i, model in enumerate(grasp.models):
+        facets, inradius = model.section
+        cuts += [_cut(grasp, i, n, size, inradius if method == "polytope" else 1.0) for n in facets]
 
     best, forces = -np.inf, None
     for _ in range(60):
@@ -78,30 +117,33 @@ def check_force_closure(grasp: Grasp) -> ClosureResult:
             A_ub=np.array(cuts),
             b_ub=np.zeros(len(cuts)),
             A_eq=equality,
-            b_eq=[0.0] * 6 + [count],
+            b_eq=right,
             bounds=(None, None),
         )
         if answer.status != 0:
             break
+        if method == "polytope":
+            best, forces = float(answer.x[-1]), answer.x[:size] * scale
+            break
         shear = [np.delete(answer.x[s], NORMAL) for s in grasp.slices]
-        load = np.array([np.linalg.norm(x) for x in shear])
-        slack = answer.x[normal] - load
+        used = np.array([np.linalg.norm(x) for x in shear])
+        slack = answer.x[normal] - used
         if slack.min() > best:
             best, forces = float(slack.min()), answer.x[:size] * scale
         if -answer.fun - best <= _GAP:
             break
         # Cut where the exact cone, not the pyramid, is left.
         outside = np.flatnonzero(slack < answer.x[-1] - 0.1 * _GAP)
-        cuts += [_cut(grasp, int(i), shear[i] / load[i], size) for i in outside]
-    is_closed = rank == 6 and best > _CLOSED
-    return ClosureResult(is_closed, best, "N/N", meaning, rank, None if forces is None else read_only(forces))
+        cuts += [_cut(grasp, int(i), shear[i] / used[i], size, 1.0) for i in outside]
+    attained = None if forces is None else read_only(forces * mean_normal)
+    return ClosureResult(best > _CLOSED, best, "N/N", meaning, rank, attained)
 
 
-def _cut(grasp: Grasp, index: int, direction: Array, size: int) -> Array:
-    """Return the row of ``direction . y_t - f_n + s <= 0`` for one contact: a plane tangent to its cone."""
+def _cut(grasp: Grasp, index: int, direction: Array, size: int, height: float) -> Array:
+    """Return the row of ``direction . y_t <= height * (f_n - s)`` for one contact: tangent to its cone at height 1."""
     row = np.zeros(size + 1)
-    row[grasp.slices[index]] = np.insert(direction, NORMAL, -1.0)
-    row[-1] = 1.0
+    row[grasp.slices[index]] = np.insert(direction, NORMAL, -height)
+    row[-1] = height
     return row
 
 

@@ -14,6 +14,7 @@ from dexplan.grasp.closure import (
     check_force_closure,
     check_sphere_pair,
     check_sphere_triple_sufficient,
+    compute_load_margin,
     required_pair_preload,
     sphere_pair_angle_min,
 )
@@ -210,3 +211,24 @@ def test_degenerate_input_is_refused() -> None:
         check_antipodal([0, 0, 0], [1, 0, 0], [0, 0, 0], [1, 0, 0], 0.5)
     with pytest.raises(ValueError, match="collinear or coincide"):
         check_sphere_triple_sufficient(directions((0, 0, 90)), 0.5)
+
+
+def test_load_margin_of_a_carried_ball() -> None:
+    """Three equatorial hard fingers under gravity: all carry a third of the weight, shear mg / 3 each."""
+    grasp = ring((0, 120, 240), HardFinger(0.5))
+    weight = np.array([0, 0, 0.05 * GRAVITY, 0, 0, 0])
+    for mean in (0.3, 0.327, 1.0, 5.0):
+        found = compute_load_margin(grasp, weight, mean)
+        assert found.margin == pytest.approx(1.0 - 0.05 * GRAVITY / (3 * 0.5 * mean), abs=1e-6)
+        assert found.is_closed is (mean > 0.327 + 1e-6)
+        assert found.internal_forces is not None
+        assert np.allclose(compute_grasp_map(grasp) @ found.internal_forces, weight, atol=1e-8)
+        assert found.internal_forces[[2, 5, 8]].mean() == pytest.approx(mean)
+
+
+def test_load_that_no_force_balances() -> None:
+    spin = np.array([0.0, 0.0, 0.0, 0.01, 0.0, 0.0])  # about the chord of two hard fingers
+    found = compute_load_margin(ring((0, 180), HardFinger(0.5)), spin, 1.0)
+    assert found.margin == -np.inf
+    assert not found.is_closed
+    assert found.internal_forces is None
