@@ -18,7 +18,7 @@ STEPPING_FILES = {"sim/rollout.py", "sim/replay.py"}
 
 GROUND = {"errors", "spatial"}
 MATH = {"numpy", "scipy"}
-OUTSIDE = {"viz", "problems", "cli", "commands", "pipeline", "__init__", "__main__"}
+OUTSIDE = {"viz", "witness", "problems", "cli", "commands", "pipeline", "__init__", "__main__"}
 INNER = {"contact", "grasp", "scene", "planning", "control", "sim", "models"}
 
 
@@ -44,6 +44,7 @@ STOREYS = {
         GROUND | INNER | OUTSIDE,
         MATH | {"mujoco", "matplotlib", "mpl_toolkits", "jinja2", "imageio_ffmpeg", "viser", "tqdm"},
     ),
+    "witness": Storey(GROUND | INNER | OUTSIDE, MATH | {"mujoco", "matplotlib", "tqdm"}),
     "problems": Storey(GROUND | INNER | OUTSIDE, MATH | {"msgspec", "tomli_w"}),
     "cli": Storey(GROUND | INNER | OUTSIDE, {"tyro"}),
     "commands": Storey(GROUND | INNER | OUTSIDE, {"tqdm"}),
