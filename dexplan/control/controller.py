@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference, smooth_step
+from dexplan.control.rolling import RollOffset
 from dexplan.control.tasks import FingertipTask, JointLimit
 from dexplan.grasp.force import GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
@@ -115,6 +116,7 @@ class Controller:
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
         self._adopted: frozenset[int] = frozenset()
         self._correction, self._is_primed = np.zeros(6), False
+        self._offsets: dict[int, RollOffset] = {}
         self._path: CubicSpline | None = None
         self._X_OF_start = np.eye(4)
         self._targets = np.tile(np.eye(4), (self._n, 1, 1))
@@ -125,7 +127,7 @@ class Controller:
         phase, t, is_done, failure = self._advance(observation)
         X_ref, _, acceleration = phase.object_path.sample(t)
         X_next, _, _ = phase.object_path.sample(t + TICK)
-        self._relax(observation, phase)
+        self._relax(observation, phase, t)
         qdot, tip_error, at_limit = self._follow(phase, t, self._correct(observation, X_ref, X_next))
         forces_W, torque, qp = self._load(observation, phase, t, acceleration)
         q = self._configuration.q[self._joints]
@@ -194,6 +196,9 @@ class Controller:
         for i in set(phase.holding) - self._adopted:
             self._carried[i] = X_OW @ self._X_WF[i]
         self._adopted = frozenset(phase.holding)
+        self._offsets = {
+            i: RollOffset.measure(roll, 0.0, self._carried[i]) for i, roll in phase.rolls.items()
+        }
         if phase.finger is not None:
             self._path = None
             if phase.postures is not None:
@@ -226,13 +231,17 @@ class Controller:
         X[:3, 3] += self._correction[:3]
         return X
 
-    def _relax(self, observation: Observation, phase: Phase) -> None:
+    def _relax(self, observation: Observation, phase: Phase, t: float) -> None:
         if self._ticks % REFRESH:
             return
         share = REFRESH * TICK / self._options.relaxation
         X_OW = invert_pose(observation.X_WO)
         for i in phase.holding:
             X_OF = X_OW @ self._X_WF[i]
+            if i in phase.rolls:
+                s, _, _ = phase.object_path.progress(t)
+                self._offsets[i] = self._offsets[i].relaxed(phase.rolls[i], s, X_OF, share)
+                continue
             carried = self._carried[i]
             carried[:3, 3] += share * (X_OF[:3, 3] - carried[:3, 3])
             turn = rotation_vector(X_OF[:3, :3] @ carried[:3, :3].T)
@@ -240,7 +249,10 @@ class Controller:
 
     def _follow(self, phase: Phase, t: float, X_WO_aim: Array) -> tuple[Array, float, bool]:
         """Aim every fingertip for the end of this tick and let mink move the commanded posture there."""
+        s, _, _ = phase.object_path.progress(t + TICK)
         for i in phase.holding:
+            if i in phase.rolls:
+                self._carried[i] = self._offsets[i].apply(phase.rolls[i], s)
             self._targets[i] = X_WO_aim @ self._carried[i]
         if phase.finger is not None and phase.finger not in phase.holding:
             self._targets[phase.finger] = self._aim_free(phase, min(t + TICK, 10.0), X_WO_aim)
@@ -328,10 +340,12 @@ class Controller:
     ) -> tuple[Array, Array, list[tuple[Array, Array]]]:
         """Return the grasp map, the torque maps (in object axes) and each contact's point and frame in the object.
 
-        Contacts hardly move on the object while they hold, and torque limits have room: the maps, which make the QP's matrix,
-        are made anew every ``REFRESH`` ticks.  What the servos are told uses the Jacobians of this very tick.
+        Fixed contacts hardly move on the object, and torque limits have room: the maps, which make the QP's matrix, are made
+        anew every ``REFRESH`` ticks, and every tick while a contact rolls.  What the servos are told uses the Jacobians of this
+        very tick.
         """
-        if self._maps is None or self._maps[0] != (self._phase, holding) or self._ticks % REFRESH == 0:
+        key = (self._phase, holding)
+        if self._maps is None or self._maps[0] != key or self._offsets or self._ticks % REFRESH == 0:
             R_OW, surface = observation.X_WO[:3, :3].T, self._scene.object.surface
             G, maps = np.zeros((6, 4 * len(holding))), np.zeros((len(holding), self._joints.shape[1], 4))
             frames = []
@@ -342,7 +356,7 @@ class Controller:
                 columns, maps[k] = map_contact(np.vstack([R_OW @ J[:3], R_OW @ J[3:]]), p_OC, p_OC - p_OF)
                 G[:, 4 * k : 4 * k + 4] = columns
                 frames.append((p_OC, columns[:3, :3]))
-            self._maps = ((self._phase, holding), G, maps, frames)
+            self._maps = (key, G, maps, frames)
         self._ticks += 1
         return self._maps[1:]
 

@@ -7,13 +7,15 @@ after its duration, or, where a finger comes down, when the touch sensor of that
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from dexplan.control.carry import follow_contacts
 from dexplan.planning.plan import Action, Placement, Plan
-from dexplan.planning.travel import build_travel, compute_hover, wrap_near
-from dexplan.scene.chain import compute_tip_jacobian, solve_ik
+from dexplan.planning.roll import Roll
+from dexplan.planning.travel import build_travel, compute_hover
 from dexplan.scene.description import FingerDescription
 from dexplan.spatial import Array, read_only, rotate_about, rotation_matrix
 
@@ -44,6 +46,10 @@ class Timing:
     """Normal speed at which a finger meets the object [m/s]."""
     object_speed: float = float(np.radians(30.0))
     """Greatest angular speed of the object [rad/s]."""
+    shift_speed: float = 0.02
+    """Greatest speed of the object's centre [m/s]."""
+    roll_speed: float = float(np.radians(60.0))
+    """Greatest angular speed of a rolling fingertip relative to the object [rad/s]."""
     drift: float = 15e-6
     """Greatest drift of a carried contact [m/s] that a motion may cause, see ``contact_time``."""
     contact_time: float = 1e-3
@@ -66,9 +72,13 @@ class ObjectPath:
     duration: float
     ramp: float
 
+    def progress(self, t: float) -> tuple[float, float, float]:
+        """Return how much of the motion is done ``t`` [s] after its start (0..1), and two derivatives in time."""
+        return _cruise(t, self.duration, self.ramp)
+
     def sample(self, t: float) -> tuple[Array, Array, Array]:
         """Return X_WO (4, 4), its twist (v, w) and acceleration (6,) in world axes, ``t`` [s] after the start."""
-        s, ds, dds = _cruise(t, self.duration, self.ramp)
+        s, ds, dds = self.progress(t)
         X = self.X_WO_start.copy()
         X[:3, :3] = rotation_matrix(s * self.angle * self.axis_W) @ X[:3, :3]
         X[:3, 3] += s * self.shift_W
@@ -104,8 +114,9 @@ class Phase:
     """A stretch of the reference.
 
     ``holding`` (F,) says which fingers carry the object in the force QP, ``load_start`` and ``load_end`` (F,) how much of their
-    full load (0..1).  ``finger`` moves freely: from where it is along the ``postures`` (K, J), or along its contact normal over
-    the gap ``gap_start`` to ``gap_end`` [m] off ``X_OF`` (its landing pose in the object frame; None: wherever it is carried).
+    full load (0..1); ``rolls`` how some of them roll meanwhile, at the progress of ``object_path``.  ``finger`` moves freely:
+    from where it is along the ``postures`` (K, J), or along its contact normal over the gap ``gap_start`` to ``gap_end`` [m] off
+    ``X_OF`` (its landing pose in the object frame; None: wherever it is carried).
     """
 
     action_index: int
@@ -123,6 +134,7 @@ class Phase:
     gap_start: float = 0.0
     gap_end: float = 0.0
     ends_on_touch: bool = False
+    rolls: Mapping[int, Roll] = field(default_factory=dict)
 
     def sample_gap(self, t: float, touch_speed: float) -> float:
         """Return the gap [m] at ``t``; past the end an approach goes on at ``touch_speed`` [m/s] until it touches."""
@@ -188,7 +200,7 @@ class _PhaseBuilder:
         if self.action.kind == "hold":
             last = self.index > 0
             return [self._phase(0, self.timing.last_hold if last else self.timing.first_hold)]
-        if self.action.kind == "move_object":
+        if self.action.kind in ("move_object", "roll"):
             return [self._move()]
         return self._place() if self.action.kind == "place" else self._lift()
 
@@ -222,39 +234,30 @@ class _PhaseBuilder:
     def _move(self) -> Phase:
         action, timing = self.action, self.timing
         shift = action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3]
-        speed = min(timing.object_speed, self._carry())
-        cruise = abs(action.angle) / speed
-        duration = max(
-            cruise + timing.ramp, 2.0 * timing.ramp, float(np.linalg.norm(shift)) / 0.02 + timing.ramp
+        turned = max((roll.tip_angle for roll in action.rolls), default=0.0)
+        cruise = max(
+            1.0 / self._carry(),
+            abs(action.angle) / timing.object_speed,
+            float(np.linalg.norm(shift)) / timing.shift_speed,
+            turned / timing.roll_speed,
         )
+        duration = max(cruise + timing.ramp, 2.0 * timing.ramp)
         path = ObjectPath(action.X_WO_start, action.axis_W, action.angle, shift, duration, timing.ramp)
-        return self._phase(0, duration, object_path=path)
+        return self._phase(0, duration, object_path=path, rolls={roll.finger: roll for roll in action.rolls})
 
     def _carry(self) -> float:
-        """Follow the holding fingers through the motion; return the speed [rad/s] at which no contact drifts too much."""
+        """Follow the holding fingers through the motion; return the progress per second at which no contact drifts too much."""
         action, timing = self.action, self.timing
-        count = max(3, int(np.ceil(abs(action.angle) / np.radians(2.0))) + 1)
+        rolls = {roll.finger: roll for roll in action.rolls}
+        count = max(
+            3, int(np.ceil(abs(action.angle) / np.radians(2.0))) + 1, *(r.count for r in action.rolls)
+        )
         share = np.linspace(0.0, 1.0, count)
         X_WO = np.repeat(action.X_WO_start[None], count, axis=0)
         X_WO[:, :3, :3] = rotate_about(action.axis_W, share * action.angle) @ action.X_WO_start[:3, :3]
         X_WO[:, :3, 3] += share[:, None] * (action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3])
-        step, worst = abs(action.angle) / (count - 1), 0.0
-        for i in self._held:
-            placement, chain = self.before[i], self.fingers[i].chain
-            assert placement is not None
-            q = np.empty((count, chain.n_joints))
-            q[0] = self.postures[i]
-            for k in range(1, count):
-                guess = 2.0 * q[k - 1] - q[k - 2] if k > 1 else q[0]
-                solved, _ = solve_ik(chain, (X_WO[k] @ placement.X_OF)[None], guess[None])
-                q[k] = wrap_near(solved[0], guess)
-            self.postures[i] = q[-1]
-            bend = np.gradient(np.gradient(q, axis=0), axis=0) / step**2
-            normals = X_WO[:, :3, :3] @ placement.normal_O
-            push = np.einsum("kij,kj->ki", compute_tip_jacobian(chain, q)[:, :3], bend)
-            push -= (push * normals).sum(axis=1, keepdims=True) * normals
-            worst = max(worst, float(np.linalg.norm(push, axis=1).max()))
-        return float(np.sqrt(timing.drift / (timing.contact_time * max(worst, 1e-9))))
+        push = follow_contacts(self.fingers, self.before, rolls, X_WO, self.postures)
+        return float(np.sqrt(timing.drift / (timing.contact_time * max(push, 1e-9))))
 
     def _travel_time(self, way: Array) -> float:
         # The smooth step's greatest speed is 15/8 of its mean, and the way is walked at even shares of its postures.

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from dexplan.errors import RunFolderError
+from dexplan.planning.roll import Roll
 from dexplan.spatial import Array, angles_from_direction, as_pose, as_pose7, read_only
 
 FORMAT = 1
@@ -65,10 +66,11 @@ class PlannedPhase:
 class Action:
     """One symbolic step.
 
-    ``kind`` is hold, move_object, place or lift; ``finger`` the one placed or lifted; ``grasping`` the fingers that hold the
-    object throughout.  ``X_WO_start`` and ``X_WO_end`` (4, 4) bound the object's motion, a turn by ``angle`` [rad] about the
-    world axis ``axis_W`` (3,) with a straight shift.  ``limiting_finger`` and ``limit`` say what ended a motion; ``margins``
-    what was left at its worst sample.  ``contacts_end`` has one entry per finger, None where it is free.
+    ``kind`` is hold, move_object, roll, place or lift; ``finger`` the one placed or lifted; ``grasping`` the fingers that hold
+    the object throughout; ``rolls`` how some of them roll on it meanwhile, at the progress of the object's motion.
+    ``X_WO_start`` and ``X_WO_end`` (4, 4) bound that motion, a turn by ``angle`` [rad] about the world axis ``axis_W`` (3,) with
+    a straight shift.  ``limiting_finger`` and ``limit`` say what ended a motion; ``margins`` what was left at its worst sample.
+    ``contacts_end`` has one entry per finger, None where it is free.
     """
 
     kind: str
@@ -84,6 +86,7 @@ class Action:
     limiting_finger: int | None = None
     limit: str | None = None
     margins: Mapping[str, float] = field(default_factory=dict)
+    rolls: tuple[Roll, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_end", "axis_W"):
@@ -171,6 +174,14 @@ class Plan:
                 "angle_deg": round(float(np.degrees(action.angle)), 12),
             },
             "contacts_end": self._contacts(action.contacts_end),
+            "rolls": [
+                {
+                    "finger": self._name(roll.finger),
+                    "X_OF": [_pose(X) for X in roll.X_OF],
+                    "normal_O": np.round(roll.normal_O, 12).tolist(),
+                }
+                for roll in action.rolls
+            ],
             "margins": dict(action.margins),
             "phases": [
                 {"name": p.name, "touch": dict(zip(self.fingers, p.touch, strict=True))}
@@ -230,6 +241,10 @@ class Plan:
                 limiting_finger=None if a["limiting_finger"] is None else index[a["limiting_finger"]],
                 limit=a["limit"],
                 margins=a["margins"],
+                rolls=tuple(
+                    Roll(index[r["finger"]], np.stack([_matrix(X) for X in r["X_OF"]]), r["normal_O"])
+                    for r in a.get("rolls", ())
+                ),
             )
             for a in data["actions"]
         )
@@ -268,6 +283,8 @@ class Plan:
         if a.kind == "move_object":
             axis = "(" + ", ".join(f"{x:.2f}" for x in a.axis_W) + ")"
             text = f"turn the object by {np.degrees(a.angle):.1f} deg about {axis}, held by {holders}"
+        elif a.kind == "roll":
+            text = f"roll {' and '.join(self._roll_words(r) for r in a.rolls)} while {holders} hold"
         elif a.finger is not None:
             placement = a.contacts_end[a.finger] or before[a.finger]
             where = ""
@@ -278,6 +295,10 @@ class Plan:
         else:
             text = f"hold with {holders}"
         return f"{text}: {a.why}"
+
+    def _roll_words(self, roll: Roll) -> str:
+        way = np.degrees(np.arccos(np.clip(roll.normal_O[0] @ roll.normal_O[-1], -1.0, 1.0)))
+        return f"{self.fingers[roll.finger]} over {way:.1f} deg of the object"
 
 
 def _pose(X: Array) -> list[float]:

@@ -119,6 +119,16 @@ class Case:
         return table[self.claimed_phase]
 
     @cached_property
+    def is_rolling(self) -> Flags:
+        """Samples (T,) of actions in which the plan lets a finger roll on the object."""
+        rolls = np.array([bool(action.get("rolls")) for action in self.plan["actions"]] + [False])
+        action = self.column("action_index")
+        if action is None:
+            return np.zeros(self.sample_count, dtype=bool)
+        known = (action >= 0) & (action < len(rolls) - 1)
+        return rolls[np.where(known, action, len(rolls) - 1).astype(np.intp)]
+
+    @cached_property
     def quiet(self) -> Flags:
         """Samples (T,) farther than ``quiet_distance_s`` from every planned or actual contact change of any
         finger.
@@ -161,6 +171,15 @@ def widen(mask: Flags, reach: int) -> Flags:
     count = len(mask)
     index = np.arange(count)
     return (total[np.minimum(index + reach + 1, count)] - total[np.maximum(index - reach, 0)]) > 0
+
+
+def close_gaps(mask: Flags, reach: int) -> Flags:
+    """Return ``mask`` (T,) with gaps of at most ``reach`` samples between true samples filled."""
+    out = mask.copy()
+    for start, stop in find_runs(~mask):
+        if start > 0 and stop < len(mask) and stop - start <= reach:
+            out[start:stop] = True
+    return out
 
 
 def find_runs(mask: Flags) -> list[tuple[int, int]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dexplan.sim.checks_case import (
     MAY,
@@ -12,6 +11,7 @@ from dexplan.sim.checks_case import (
     UNKNOWN,
     Case,
     CheckResult,
+    close_gaps,
     fail,
     find_runs,
     judge,
@@ -21,8 +21,6 @@ from dexplan.sim.checks_case import (
     widen,
 )
 from dexplan.sim.replay import OBSTACLE_KINDS
-from dexplan.sim.world import Flags
-from dexplan.spatial import Array
 
 MM, UM = 1e3, 1e6
 
@@ -130,47 +128,6 @@ def check_free_finger_clearance(case: Case) -> CheckResult:
     return judge_worst(name, flat, replay.time[samples], limit, "mm", note, at_least=True, labels=labels)
 
 
-def check_rolling_error_max(case: Case) -> CheckResult:
-    """Contacts on object and tip against pure rolling, for spheres of radii R and r.
-
-    With the outward normal n_O at the contact and the tip's rotation relative to the object, w, rolling
-    without sliding gives dn_O/dt = r/(R + r) w x n_O on the object and, with the direction m_F = -n seen from
-    the tip, dm_F/dt = -R/(R + r) w x m_F. Both are integrated over each contact from its first sample and
-    compared with the direction between the two centres.
-    """
-    name, limit, replay = "rolling_error_max", case.limit("rolling_error_max_deg"), case.replay
-    R, r = replay.world.object_radius, replay.world.tip_radius
-    worst, moment, label, measured = 0.0, None, "", False
-    if not (np.isfinite(replay.object_pose).all() and np.isfinite(replay.tip_rotation).all()):
-        return fail(name, "deg", "a pose is not a number", limit)
-    if not case.sample_count or np.isnan(R):
-        return fail(name, "deg", "there is nothing to measure", limit)
-    R_WO = Rotation.from_quat(replay.object_pose[:, 3:], scalar_first=True)
-    for k in range(case.finger_count):
-        R_OF = R_WO.inv() * Rotation.from_matrix(replay.tip_rotation[:, k])
-        centre = R_WO.inv().apply(replay.tip_position[:, k] - replay.object_pose[:, :3])
-        n_O = centre / np.linalg.norm(centre, axis=1, keepdims=True)
-        m_F = R_OF.inv().apply(-n_O)
-        # Turn of the tip against the object from sample to sample, in object axes and in tip axes.
-        step_O = (R_OF[1:] * R_OF[:-1].inv()).as_rotvec()
-        step_F = (R_OF[:-1].inv() * R_OF[1:]).as_rotvec()
-        share = r[k] / (R + r[k])
-        for start, stop in find_runs(replay.contact_active[:, k]):
-            measured = True
-            for kind, steps, seen, rate in (
-                ("object", step_O, n_O, share),
-                ("tip", step_F, m_F, share - 1.0),
-            ):
-                rolled = _roll(seen[start], rate * steps[start : stop - 1])
-                error = np.degrees(_angles(rolled, seen[start:stop]))
-                if error.max() > worst:
-                    worst, moment = float(error.max()), float(replay.time[start + int(error.argmax())])
-                    label = f"{replay.world.fingers[k]}, contact on the {kind}"
-    if not measured:
-        return fail(name, "deg", "no finger ever touches", limit)
-    return judge(name, worst, limit, "deg", moment, label)
-
-
 def check_coulomb_slip_max(case: Case) -> CheckResult:
     """Distance slid at the friction limit, per finger and contact episode."""
     name, limit, replay = "coulomb_slip_max", case.limit("coulomb_slip_max_mm"), case.replay
@@ -188,7 +145,7 @@ def check_coulomb_slip_max(case: Case) -> CheckResult:
     worst, moment = np.zeros(case.finger_count), 0.0
     for k in range(case.finger_count):
         # Bounces of one touch belong to one episode: gaps shorter than a window do not end it.
-        for start, stop in find_runs(_close_gaps(replay.contact_active[:, k], reach)):
+        for start, stop in find_runs(close_gaps(replay.contact_active[:, k], reach)):
             slid = float(path[start:stop, k].sum())
             if slid > worst[k]:
                 moment = (
@@ -210,8 +167,9 @@ def check_creep_rate_max(case: Case) -> CheckResult:
     is_portable = case.problem["control"]["physics_profile"] == "portable"
     factor = case.limit("creep_portable_factor") if is_portable else 1.0
     window = max(1, round(case.limit("creep_window_s") / case.sample_time))
-    moves = np.zeros(case.sample_count, dtype=bool)
-    moves[1:] = np.any(case.reference[1:] != case.reference[:-1], axis=1)
+    # While one tip rolls all contacts are pushed about, as when the object moves.
+    moves = case.is_rolling.copy()
+    moves[1:] |= np.any(case.reference[1:] != case.reference[:-1], axis=1)
     velocity = np.einsum(
         "tfij,tfj->tfi", replay.contact_rotation_O[..., :2], replay.contact_slip_velocity[..., :2]
     )
@@ -251,29 +209,3 @@ def check_tip_contact_angle_max(case: Case) -> CheckResult:
     limit = float(case.problem["hand"]["tip_polar_limit_deg"]) + case.limit("tip_contact_angle_slack_deg")
     fingers = case.replay.world.fingers
     return judge_worst("tip_contact_angle_max", angle, case.replay.time, limit, "deg", labels=fingers)
-
-
-def _roll(direction: Array, steps: Array) -> Array:
-    """Return the directions (N + 1, 3) that ``direction`` (3,) takes under the successive rotation vectors
-    (N, 3).
-    """
-    out = np.empty((len(steps) + 1, 3))
-    out[0] = direction
-    matrices = Rotation.from_rotvec(steps).as_matrix() if len(steps) else np.zeros((0, 3, 3))
-    for i, matrix in enumerate(matrices):
-        out[i + 1] = matrix @ out[i]
-    return out
-
-
-def _angles(a: Array, b: Array) -> Array:
-    """Return the angles (N,) [rad] between unit vectors (N, 3)."""
-    return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=1) / 2, 0.0, 1.0))
-
-
-def _close_gaps(mask: Flags, reach: int) -> Flags:
-    """Return ``mask`` (T,) with gaps of at most ``reach`` samples between true samples filled."""
-    out = mask.copy()
-    for start, stop in find_runs(~mask):
-        if start > 0 and stop < len(mask) and stop - start <= reach:
-            out[start:stop] = True
-    return out

@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 
 from dexplan.errors import RunFolderError
-from dexplan.sim import checks, checks_contact, checks_forces, checks_physics
+from dexplan.sim import checks, checks_contact, checks_forces, checks_physics, checks_rolling
 from dexplan.sim.checks_case import MAY, Case, CheckResult, find_runs
 from dexplan.sim.replay import Replay, replay
 from dexplan.sim.trace import Trace
@@ -57,7 +57,8 @@ CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("friction_utilisation_max", checks_forces.check_friction_utilisation_max),
     ("coulomb_slip_max", checks_contact.check_coulomb_slip_max),
     ("creep_rate_max", checks_contact.check_creep_rate_max),
-    ("rolling_error_max", checks_contact.check_rolling_error_max),
+    ("rolling_error_max", checks_rolling.check_rolling_error_max),
+    ("roll_path_error_max", checks_rolling.check_roll_path_error_max),
     ("penetration_max", checks_contact.check_penetration_max),
     ("tip_contact_angle_max", checks_contact.check_tip_contact_angle_max),
     ("force_prediction_error", checks_forces.check_force_prediction_error),
