@@ -2,7 +2,7 @@
 
 Unknowns are the contact forces f (sum m) on the object, each in its contact frame:
 
-    minimise    w_n sum (f_n - target)^2 + w_t sum |f_t / c|^2 [+ w_s |f - previous|^2, in the same units]
+    minimise    w_n sum (f_n - target)^2 + w_t sum |f_t / c|^2  [+ s times the same squares of f - previous]
     subject to  G f = wrench                              exactly, or within a band
                 A_i f_i <= 0                              pyramid inscribed in the exact cone
                 floor <= f_n <= ceiling
@@ -11,6 +11,16 @@ Unknowns are the contact forces f (sum m) on the object, each in its contact fra
 A minimum-norm solution would ride its cone; a normal force pulled to a target well inside does not.  The
 wrench is a constraint and never a cost: a weight that trades it against force under-delivers without a word
 and drops the object.
+
+**Smoothness.**  Call P(z) the feasible forces nearest to z in the norm of the cost, and t the target without friction.  Without
+smoothness the answer is P(t).  With it the two sums of squares are one about (t + s previous) / (1 + s), so the answer is
+
+    f = P((t + s previous) / (1 + s))
+
+and, as P moves no two points apart, |f - P(previous)| <= |t - previous| / (1 + s).  P(previous) is the least change that
+today's constraints ask for, and it is made at once: the wrench never lags.  The rest is a first-order filter: where no
+inequality is active P is affine, and each tick leaves s / (1 + s) of the way to the optimum P(t), the same for all components;
+:func:`compute_smoothness` turns a time constant into s.
 """
 
 from __future__ import annotations
@@ -19,50 +29,56 @@ from collections.abc import Sequence
 from typing import final
 
 import numpy as np
-import osqp
 from numpy.typing import ArrayLike
-from scipy.sparse import csc_matrix
 
-from dexplan.contact.friction import NORMAL, ContactModel
-from dexplan.grasp.recovery import Program, measure_infeasibility, solve_exact
-from dexplan.grasp.solution import ForceLimits, ForceSolution
+from dexplan.contact.friction import ContactModel
+from dexplan.grasp.active import ActiveRows
+from dexplan.grasp.diagnosis import Loosening, diagnose, explain
+from dexplan.grasp.problem import ForceLimits, ForceProblem, ForceSettings
+from dexplan.grasp.program import ForceRows, Program
+from dexplan.grasp.recovery import solve_exact
+from dexplan.grasp.solution import ForceSolution
+from dexplan.grasp.splitting import Splitting
 from dexplan.spatial import Array
 
-__all__ = ["ForceLimits", "ForceSolution", "ForceSolver"]
-
-_INFINITY = 1e30  # what OSQP takes for "no bound"
-_GROUPS = ("wrench", "friction", "normal force", "joint torque")  # the rows, in this order
-_CURES = {
-    "wrench": "only another wrench would do: the contacts miss this one by {:.3g} N",
-    "friction": "friction worth {:.3g} N more normal force per contact would do",
-    "normal force": "normal-force limits wider by {:.3g} N would do",
-    "joint torque": "{:.3g} N m more joint torque would do",
-}
-
+__all__ = ["ForceLimits", "ForceProblem", "ForceSolution", "ForceSolver", "compute_smoothness"]
 
 GENTLE_FRICTION = 0.02
 """Friction weight for planning and control.  Between contacts that are not opposite, less tangential force also means less
 squeeze, and less squeeze is nearer to sliding under the load: the weight only has to decide what the squeeze leaves open."""
 
 
+def compute_smoothness(tick: float, time_constant: float) -> float:
+    """Return the ``smoothness`` s with which forces follow a new optimum in ``time_constant`` [s], one solve per ``tick`` [s].
+
+    After that time 1/e of the way is left: (s / (1 + s))^(time_constant / tick) = 1/e, so
+    s = 1 / (exp(tick / time_constant) - 1), about time_constant / tick for slow ones; 0 for no time at all.
+    Raises ValueError for a tick <= 0 or a time constant < 0.
+    """
+    if not (tick > 0.0 and time_constant >= 0.0):
+        raise ValueError(f"tick {tick} s, time constant {time_constant} s; > 0 and >= 0 are accepted")
+    return 1.0 / float(np.expm1(tick / time_constant)) if time_constant > 1e-3 * tick else 0.0
+
+
 @final
 class ForceSolver:
     """The quadratic program of one contact mode (which fingers touch, and how): fixed sparsity, warm started.
 
-    Unknowns are scaled to y = f / c (f_n itself for the normal), which makes every cone the same round one,
-    the friction rows constant and the costs comparable; OSQP's own scaling and polishing (which can print)
-    are then not needed.  Wrench rows of torque are divided by ``length`` and joint rows by ``reach``, so that
-    all rows read in newtons.
+    The rows that were active in the last answer are tried first: with them the optimum is a small linear
+    system, and it is believed only with its proof (:mod:`dexplan.grasp.active`).  OSQP takes over where a few
+    changes of rows do not lead there, and an exact method where OSQP stops short.
 
     Args:
         models: contact models in the order of the columns of G.
         joints_per_finger: number J of joints with torque limits per finger; 0 for none.
-        length: size of the object [m].
-        reach: typical lever arm of a joint [m].
-        normal_weight, friction_weight, smoothness: w_n, w_t, w_s.
+        length: size of the object [m], by which torque of the wrench is divided to read as force.
+        reach: typical lever arm of a joint [m], the same for joint torques.
+        normal_weight, friction_weight: w_n, w_t [-].
+        smoothness: s [-], weight of the change since ``previous``; see the module and :func:`compute_smoothness`.
         wrench_tolerance: half width [N] of the band around the wrench (torque: times ``length``), or 0.
         tolerance: OSQP's absolute and relative tolerance [N].
         max_iterations: when an exact method takes over from OSQP.
+        exchanges: rounds of exchanging active rows before OSQP; 0 leaves all to OSQP.
     """
 
     def __init__(
@@ -78,87 +94,18 @@ class ForceSolver:
         wrench_tolerance: float = 0.0,
         tolerance: float = 1e-6,
         max_iterations: int = 400,
+        exchanges: int = 15,
     ) -> None:
-        if not models:
-            raise ValueError("no contact models; one or more are accepted")
-        if min(normal_weight, friction_weight) <= 0.0 or min(smoothness, wrench_tolerance) < 0.0:
-            raise ValueError(
-                "normal_weight and friction_weight are to be > 0, smoothness and wrench_tolerance >= 0"
-            )
-        self.models = tuple(models)
-        self._joints = joints_per_finger
-        self._length, self._reach = length, reach
-        self._weight, self._smoothness = normal_weight, smoothness
-        self._band, self._tolerance = wrench_tolerance, tolerance
-        count, dims = len(models), [model.dimension for model in self.models]
-        starts = np.concatenate([[0], np.cumsum(dims)])
-        size = int(starts[-1])
-        self._normal = starts[:-1] + NORMAL
-        self._scale = np.concatenate([np.insert(model.capacity, NORMAL, 1.0) for model in self.models])
-        # where the unknowns stand in a (F, 4) array
-        self._padded = np.concatenate([4 * i + np.arange(d) for i, d in enumerate(dims)])
-
-        # Rows: wrench | facets per contact | normal forces | joint torques per finger.
-        facets = [
-            model.facets() * self._scale[starts[i] : starts[i + 1]] for i, model in enumerate(self.models)
-        ]
-        ends = 6 + np.concatenate([[0], np.cumsum([len(rows) for rows in facets])])
-        self._first_normal = int(ends[-1])
-        self._first_torque = self._first_normal + count
-        rows_total = self._first_torque + count * joints_per_finger
-        matrix, pattern = np.zeros((rows_total, size)), np.zeros((rows_total, size), dtype=bool)
-        pattern[:6] = True
-        for i, rows in enumerate(facets):
-            columns = slice(starts[i], starts[i + 1])
-            matrix[ends[i] : ends[i + 1], columns] = rows
-            pattern[ends[i] : ends[i + 1], columns] = True
-            first = self._first_torque + i * joints_per_finger
-            pattern[first : first + joints_per_finger, columns] = True
-        matrix[self._first_normal + np.arange(count), self._normal] = 1.0
-        pattern |= matrix != 0.0
-
-        # Column-major positions of all entries; those of G and of the torque maps change, the others never
-        # do.
-        columns_of, rows_of = np.nonzero(pattern.T)
-        place = np.full(pattern.shape, -1)
-        place[rows_of, columns_of] = np.arange(len(rows_of))
-        torque_rows, torque_columns = np.nonzero(pattern[self._first_torque :])
-        finger = torque_rows // joints_per_finger if joints_per_finger else torque_rows
-        self._map_index = (finger, torque_rows - finger * joints_per_finger, torque_columns - starts[finger])
-        self._map_scale = self._scale[torque_columns] / reach
-        self._map_width = max(dims)
-        self._G_scale = self._scale / np.array([1.0, 1.0, 1.0, length, length, length])[:, None]
-        self._places = np.concatenate(
-            [place[:6].ravel(), place[self._first_torque + torque_rows, torque_columns]]
-        ).astype(np.int32)
-        self._entries = np.zeros(len(self._places))
-
-        self._indices = (rows_of, np.concatenate([[0], np.cumsum(pattern.sum(axis=0))]))
-        self._values = matrix[rows_of, columns_of]
-        self._shape = pattern.shape
-        self._p = np.full(size, friction_weight + smoothness)
-        self._p[self._normal] = normal_weight + smoothness
-        self._q = np.zeros(size)
-        self._lower, self._upper = np.full(rows_total, -_INFINITY), np.zeros(rows_total)
-        self._upper[self._first_torque :] = _INFINITY
-        self._solver = osqp.OSQP(algebra="builtin")
-        diagonal = csc_matrix((self._p, np.arange(size), np.arange(size + 1)), shape=(size, size))
-        self._solver.setup(
-            diagonal,
-            self._q,
-            csc_matrix((self._values, *self._indices), shape=self._shape),
-            self._lower,
-            self._upper,
-            verbose=False,
-            eps_abs=tolerance,
-            eps_rel=tolerance,
-            eps_prim_inf=1e-5,
-            max_iter=max_iterations,
-            scaling=0,
-            rho=0.1,
-            check_termination=5,
-            polishing=False,
+        self.settings = ForceSettings(
+            tuple(models), length, reach, normal_weight, friction_weight, smoothness, wrench_tolerance
         )
+        self.models = self.settings.models
+        self._joints, self._tolerance = joints_per_finger, tolerance
+        self._rows = ForceRows(self.settings, joints_per_finger)
+        self._size = len(self._rows.p)
+        self._active = ActiveRows(self._rows.fixed, exchanges)
+        self._splitting = Splitting(self._rows.as_program(), self._rows.pattern, tolerance, max_iterations)
+        self._last: tuple[Array, Array] | None = None  # optimum and multipliers that OSQP has not seen
 
     def solve(
         self,
@@ -179,126 +126,116 @@ class ForceSolver:
             target_normal: (F,) [N] normal forces to aim at.
             torque_maps: (F, J, m) joint torque per contact force; m is the largest dimension of the models.
             torque_bias: (F, J) [N m] joint torques at zero contact force; zero by default.
-            previous: (F, 4) forces that ``smoothness`` keeps near; the target without friction by default.
+            previous: (F, 4) forces of the tick before, for ``smoothness``; None where there is no such tick.
 
         Raises:
-            ValueError: shapes that do not fit this mode.
+            ValueError: shapes that do not fit this mode, or numbers that are not finite.
         """
-        G, wrench = np.array(G, dtype=np.float64), np.array(wrench, dtype=np.float64)
+        problem = ForceProblem(
+            self.settings,
+            G,
+            np.asarray(wrench, dtype=np.float64),
+            limits,
+            np.asarray(target_normal, dtype=np.float64),
+            torque_maps if self._joints else None,
+            torque_bias if self._joints else None,
+            previous if self.settings.smoothness else None,
+        )
+        self._check_shapes(problem)
+        rows = self._rows
+        rows.write(problem)
+        answer = self._active.solve(rows.D, rows.aim, rows.lower, rows.upper)
+        if answer is not None:
+            self._last = (answer.x, answer.multipliers)
+            return self._as_solution(answer.x, "solved", problem, (), "active rows", answer.rounds)
+        return self._solve_slowly(problem)
+
+    def _check_shapes(self, problem: ForceProblem) -> None:
+        G, wrench, limits = problem.G, problem.wrench, problem.limits
         count = len(self.models)
-        if G.shape != (6, self._shape[1]) or wrench.shape != (6,) or limits.normal_floor.shape != (count,):
+        if G.shape != (6, self._size) or wrench.shape != (6,) or limits.normal_floor.shape != (count,):
             raise ValueError(
                 f"G {G.shape}, wrench {wrench.shape}, limits {limits.normal_floor.shape}; "
-                f"(6, {self._shape[1]}), (6,), ({count},) are accepted"
+                f"(6, {self._size}), (6,), ({count},) are accepted"
             )
-        changed = self._write_matrix(G, torque_maps)
-        self._write_bounds(wrench, limits, torque_bias)
-        target = np.asarray(target_normal, dtype=np.float64)
-        if previous is not None and self._smoothness:
-            self._q[:] = -self._smoothness * np.asarray(previous).ravel()[self._padded] / self._scale
-            self._q[self._normal] -= self._weight * target
-        else:
-            self._q[:] = 0.0
-            self._q[self._normal] = -(self._weight + self._smoothness) * target
-        if changed:
-            self._solver.update(
-                q=self._q, l=self._lower, u=self._upper, Ax=self._entries, Ax_idx=self._places
-            )
-        else:
-            self._solver.update(q=self._q, l=self._lower, u=self._upper)
-
-        faults: tuple[str, ...] = ()
-        status, y, iterations = self._iterate(G, wrench)
-        if status != "solved":
-            status, faults, y, more = self._recover(G, wrench)
-            iterations += more
-        forces = np.zeros((count, 4))
-        forces.ravel()[self._padded] = y * self._scale
-        for array in (forces, G, wrench):
-            array.setflags(write=False)
-        return ForceSolution(forces, status, faults, iterations, self.models, G, wrench)
-
-    def _write_matrix(self, G: Array, torque_maps: Array | None) -> bool:
-        """Put G and the torque maps into the entries of the matrix; return whether any changed."""
-        entries = np.empty_like(self._entries)
-        entries[: G.size] = (G * self._G_scale).ravel()
         if self._joints:
-            shape = (len(self.models), self._joints, self._map_width)
-            if torque_maps is None or torque_maps.shape != shape:
-                given = None if torque_maps is None else torque_maps.shape
+            maps, shape = problem.torque_maps, (count, self._joints, self._rows.map_width)
+            if maps is None or maps.shape != shape:
+                given = None if maps is None else maps.shape
                 raise ValueError(f"torque maps {given}; {shape} is accepted")
-            entries[G.size :] = torque_maps[self._map_index] * self._map_scale
-        if np.array_equal(entries, self._entries):
-            return False
-        self._entries = entries
-        return True
 
-    def _write_bounds(self, wrench: Array, limits: ForceLimits, torque_bias: Array | None) -> None:
-        lower, upper = self._lower, self._upper
-        lower[:3], lower[3:6] = wrench[:3], wrench[3:] / self._length
-        upper[:6] = lower[:6] + self._band
-        lower[:6] -= self._band
-        lower[self._first_normal : self._first_torque] = limits.normal_floor
-        upper[self._first_normal : self._first_torque] = np.minimum(limits.normal_ceiling, _INFINITY)
-        if self._joints:
-            bias = 0.0 if torque_bias is None else np.asarray(torque_bias)
-            for bounds, limit in ((lower, limits.torque_lower), (upper, limits.torque_upper)):
-                if limit is not None:
-                    bounds[self._first_torque :] = np.clip(
-                        (limit - bias).ravel() / self._reach, -_INFINITY, _INFINITY
-                    )
-                else:
-                    bounds[self._first_torque :] = -_INFINITY if bounds is lower else _INFINITY
+    def _as_solution(
+        self,
+        x: Array,
+        status: str,
+        problem: ForceProblem,
+        cures: tuple[tuple[Loosening, ...], ...],
+        method: str,
+        iterations: int,
+    ) -> ForceSolution:
+        forces = np.zeros((len(self.models), 4))
+        forces.ravel()[self._rows.padded] = x * self._rows.force_of_x
+        forces.setflags(write=False)
+        return ForceSolution(forces, status, problem, cures, method, iterations)
 
-    def _iterate(self, G: Array, wrench: Array) -> tuple[str, Array, int]:
+    def _solve_slowly(self, problem: ForceProblem) -> ForceSolution:
+        """Run OSQP, then an exact method; failing both, say why there are no forces."""
+        _check_finite(problem)
+        rows, program = self._rows, self._rows.as_program()
+        if self._last is not None:
+            x, multipliers = self._last
+            self._splitting.start(x / rows.root, multipliers)
+            self._last = None
+        status, y, method, iterations = self._iterate(program, problem)
+        if status == "solved":
+            return self._as_solution(y * rows.root, status, problem, (), method, iterations)
+        # Find out why there is no solution; if there should be one, start OSQP afresh.
+        self._forget()
+        cures, nearest = diagnose(rows)
+        if nearest is not None and not cures:
+            status, y, method, more = self._iterate(program, problem)
+            iterations += more
+            if status == "solved":
+                return self._as_solution(y * rows.root, status, problem, (), method, iterations)
+            self._forget()
+        else:
+            status = f"infeasible: {explain(cures, self.settings.length)}"
+        x = np.full(self._size, np.nan) if nearest is None else nearest * rows.root
+        return self._as_solution(x, status, problem, cures, "linear program", iterations)
+
+    def _iterate(self, program: Program, problem: ForceProblem) -> tuple[str, Array, str, int]:
         """Run OSQP, finish its work if it stops short, and believe it only if the wrench checks."""
-        result = self._solver.solve(raise_error=False)
-        y, iterations, said = result.x, int(result.info.iter), result.info.status
-        if said != "solved":
-            exact = solve_exact(self._as_program())
+        rows, settings = self._rows, self.settings
+        answer = self._splitting.solve(program)
+        y, said, method = answer.x, answer.said, "OSQP"
+        if said == "solved":
+            self._active.guess(answer.multipliers, self._tolerance)
+        else:
+            self._active.forget()
+            exact = solve_exact(program)
             if exact is not None:
                 if "infeasible" in said:  # mistaken, and its iterates have run away
                     self._forget()
-                y, said = exact, "solved"
+                y, said, method = exact, "solved", "exact"
         if said != "solved":
-            return f"unsolved: OSQP reports {said} after {iterations} iterations", y, iterations
-        residual = G @ (y * self._scale) - wrench
-        residual[3:] /= self._length
-        allowed = self._band + 10.0 * self._tolerance * (1.0 + np.abs(y).max())
+            text = f"unsolved: OSQP reports {said} after {answer.iterations} iterations"
+            return text, y, method, answer.iterations
+        residual = problem.G @ (y * rows.scale) - problem.wrench
+        residual[3:] /= settings.length
+        allowed = settings.wrench_tolerance + 10.0 * self._tolerance * (1.0 + np.abs(y).max())
         if not np.abs(residual).max() <= allowed:
-            return f"unsolved: the wrench is missed by {np.abs(residual).max():.1e} N", y, iterations
-        return "solved", y, iterations
-
-    def _recover(self, G: Array, wrench: Array) -> tuple[str, tuple[str, ...], Array, int]:
-        """Find out why there is no solution; if there should be one, start OSQP afresh."""
-        self._forget()
-        edges = [0, 6, self._first_normal, self._first_torque, self._shape[0]]
-        groups = {name: slice(*edges[i : i + 2]) for i, name in enumerate(_GROUPS) if edges[i] < edges[i + 1]}
-        needed = measure_infeasibility(self._as_program(), groups)
-        nearest = needed["wrench"][1] if "wrench" in needed else np.full(self._shape[1], np.nan)
-        if needed and min(amount for amount, _ in needed.values()) < 1e-6:
-            status, y, iterations = self._iterate(G, wrench)
-            if status == "solved":
-                return status, (), y, iterations
-            self._forget()
-            return status, (), nearest, iterations
-        # Any problem yields if the object need not be held: that is a fault only if nothing else cures it.
-        faults = tuple(name for name in needed if name != "wrench") or tuple(needed)
-        units = {"joint torque": self._reach}
-        cures = [_CURES[name].format(needed[name][0] * units.get(name, 1.0)) for name in faults]
-        return (
-            "infeasible: " + (" or ".join(cures) or "the limits contradict one another"),
-            faults,
-            nearest,
-            0,
-        )
+            text = f"unsolved: the wrench is missed by {np.abs(residual).max():.1e} N"
+            return text, y, method, answer.iterations
+        return "solved", y, method, answer.iterations
 
     def _forget(self) -> None:
-        """Drop the warm start: what is left of a failed solve would poison the next."""
-        self._solver.warm_start(np.zeros(self._shape[1]), np.zeros(self._shape[0]))
+        self._splitting.forget()
+        self._active.forget()
+        self._last = None
 
-    def _as_program(self) -> Program:
-        values = self._values.copy()
-        values[self._places] = self._entries
-        A = csc_matrix((values, *self._indices), shape=self._shape).toarray()
-        return Program(self._p, self._q, A, self._lower, self._upper)
+
+def _check_finite(problem: ForceProblem) -> None:
+    for name in ("G", "wrench", "target_normal", "torque_maps", "torque_bias", "previous"):
+        value = getattr(problem, name)
+        if value is not None and not np.isfinite(value).all():
+            raise ValueError(f"{name} has entries that are not finite; finite numbers are accepted")

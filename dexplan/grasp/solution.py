@@ -1,4 +1,4 @@
-"""What goes into and comes out of the contact-force program, as values."""
+"""The contact forces found, which prove themselves."""
 
 from __future__ import annotations
 
@@ -8,73 +8,73 @@ from functools import cached_property
 import numpy as np
 
 from dexplan.contact.friction import ContactModel
-from dexplan.spatial import Array, read_only
-
-
-@dataclass(frozen=True, eq=False)
-class ForceLimits:
-    """Bounds on normal forces (F,) [N] and, unless None, on joint torques (F, J) [N m].
-
-    A contact being loaded or unloaded has floor 0 and a ceiling that ramps from or to 0.
-    """
-
-    normal_floor: Array
-    normal_ceiling: Array
-    torque_lower: Array | None = None
-    torque_upper: Array | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("normal_floor", "normal_ceiling", "torque_lower", "torque_upper"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, read_only(value))
-        floor, ceiling = self.normal_floor, self.normal_ceiling
-        if floor.shape != ceiling.shape:
-            raise ValueError(
-                f"normal floor {floor.shape}, ceiling {ceiling.shape}; equal shapes (F,) are accepted"
-            )
-        if (floor < 0.0).any() or (floor > ceiling).any():
-            given = f"normal floor {floor.tolist()} N, ceiling {ceiling.tolist()} N"
-            raise ValueError(f"{given}; 0 <= floor <= ceiling is accepted")
-        if (
-            self.torque_lower is not None
-            and self.torque_upper is not None
-            and (self.torque_lower > self.torque_upper).any()
-        ):
-            raise ValueError("a lower torque limit exceeds the upper one; lower <= upper is accepted")
+from dexplan.grasp.certificate import OptimalityProof, prove_optimality
+from dexplan.grasp.diagnosis import Loosening
+from dexplan.grasp.problem import ForceProblem
+from dexplan.spatial import Array
 
 
 @dataclass(frozen=True, eq=False)
 class ForceSolution:
-    """Contact forces with the problem they answer, from which they compute their own residuals.
+    """Contact forces with the problem they answer, from which they compute their own residuals, when asked.
 
     ``forces`` (F, 4) are (f_t1, f_t2, f_n, tau_n) [N, N m] on the object in each contact frame, tau_n = 0 for
     hard fingers; ``status`` is "solved", "infeasible: ..." with what would help, or "unsolved: ...".
-    ``faults`` names the constraint groups whose loosening alone would make an infeasible problem feasible.
+    ``cures``, each enough by itself, make an infeasible problem feasible: a cure is one loosening or several together.
+    ``method`` that found the forces took ``iterations``.
     Forces of an infeasible problem keep every other constraint and miss the wrench by as little as can be;
     they are NaN when even that is impossible.
     """
 
     forces: Array
     status: str
-    faults: tuple[str, ...]
-    iterations: int
-    models: tuple[ContactModel, ...]
-    G: Array
-    wrench: Array
+    problem: ForceProblem
+    cures: tuple[tuple[Loosening, ...], ...] = ()
+    method: str = ""
+    iterations: int = 0
 
     @property
     def is_solved(self) -> bool:
         """Whether the forces meet every constraint."""
         return self.status == "solved"
 
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Names of the constraint groups that occur in the cures of an infeasible problem."""
+        return tuple(dict.fromkeys(loosening.group for cure in self.cures for loosening in cure))
+
+    @property
+    def models(self) -> tuple[ContactModel, ...]:
+        """Contact models in the order of the contacts."""
+        return self.problem.settings.models
+
     @cached_property
     def wrench_residual(self) -> Array:
         """``G f - wrench`` (6,) [N, N m]."""
-        f = np.concatenate(
-            [row[: model.dimension] for row, model in zip(self.forces, self.models, strict=True)]
-        )
-        return self.G @ f - self.wrench
+        return self.problem.compute_wrench_residual(self.forces)
+
+    @cached_property
+    def primal_residual(self) -> dict[str, float]:
+        """By how much the worst row of each group of constraints is violated; 0 where all are kept.
+
+        "wrench" beyond its band [N], torque divided by the object's length; "friction" by the pyramid, in newtons of normal
+        force; "normal force" [N]; "joint torque" [N m].
+        """
+        problem, settings = self.problem, self.problem.settings
+        per_length = np.repeat([1.0, 1.0 / settings.length], 3)
+        miss = np.abs(self.wrench_residual * per_length) - settings.wrench_tolerance
+        excess = {
+            "wrench": miss,
+            "friction": problem.compute_friction_excess(self.forces),
+            "normal force": problem.compute_normal_excess(self.forces),
+            "joint torque": problem.compute_torque_excess(self.forces),
+        }
+        return {name: float(np.max(values, initial=0.0)) for name, values in excess.items()}
+
+    @cached_property
+    def optimality(self) -> OptimalityProof:
+        """How far from the optimum the forces can be at most; NaN for forces that break a constraint on purpose."""
+        return prove_optimality(self.problem, self.forces)
 
     @cached_property
     def cone_margins(self) -> Array:
