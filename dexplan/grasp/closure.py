@@ -1,8 +1,9 @@
 """Force closure: can the contacts resist any wrench by squeezing hard enough?
 
-A general test for any set of hard and soft contacts, and the closed forms of special cases, which are tested
-against it. Every answer carries a margin, its unit and what it means, because "closed" alone hides how near
-the edge a grasp is.
+A general test for any set of hard and soft contacts on any surface, and the antipodal test of a soft pair.  The closed
+forms of three hard fingers stand in ``triple.py``, those of the sphere in ``sphere.py``; all are tested against the general
+one.  Every answer carries a margin, its unit and what it means, because "closed" alone hides how near the edge a grasp is,
+and whether a "no" settles the question, because a sufficient condition that fails proves nothing.
 """
 
 from __future__ import annotations
@@ -12,25 +13,26 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import linprog
 
-from dexplan.contact.friction import NORMAL
-from dexplan.grasp.grasp import Grasp, compute_grasp_map
-from dexplan.spatial import GRAVITY, Array, read_only
+from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
+from dexplan.grasp.grasp import Grasp
+from dexplan.grasp.margin import build_margin_program, solve_exact_margin, solve_pyramid_margin
+from dexplan.spatial import Array, read_only
 
 Method = Literal["cone", "polytope"]
 
-_GAP = 1e-7  # the cutting planes stop when the margin is known to this much
 _CLOSED = 1e-6  # a margin below the solver's own tolerance proves nothing
+_COPLANAR = 1e-9  # triple product of unit vectors that counts as zero
 
 
 @dataclass(frozen=True, eq=False)
 class ClosureResult:
     """Answer to a closure question.
 
-    ``margin`` is positive inside, in ``unit``, and ``meaning`` says what it measures.  ``rank`` is that of
-    the grasp map and ``internal_forces`` (sum m,) the squeeze that attains the margin, where the test
-    computes them.
+    ``margin`` is positive inside, in ``unit``, and ``meaning`` says what it measures.  ``strength`` says what the test is:
+    an ``"exact"`` one answers yes and no; a ``"sufficient"`` one proves closure where ``is_closed`` is true and nothing
+    where it is false.  ``rank`` is that of the grasp map and ``internal_forces`` (sum m,) [N, N m] the forces that attain
+    the margin, where the test computes them.
     """
 
     is_closed: bool
@@ -39,21 +41,48 @@ class ClosureResult:
     meaning: str
     rank: int | None = None
     internal_forces: Array | None = None
+    strength: Literal["exact", "sufficient"] = "exact"
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the answer decides the question: every exact answer, and the yes of a sufficient condition."""
+        return self.is_closed or self.strength == "exact"
+
+
+def choose_contact_model(count: int, sliding: float, torsional: float) -> ContactModel:
+    """Return the model of each contact of a grasp by ``count`` fingers: soft for two, hard for three or more.
+
+    [paper §2.2].  Two point contacts cannot resist a torque about the line that joins them (rank G is 5), so a pair
+    lives on torsional friction; three need none, and to leave it out is conservative: every wrench that hard fingers
+    resist, soft ones do too.
+
+    Args:
+        count: fingers that hold the object.
+        sliding: friction coefficient mu [-].
+        torsional: torsional friction mu_t [m], used for two fingers only.
+
+    Raises ValueError for fewer than two fingers, which never hold an object by friction alone.
+    """
+    if count < 2:
+        raise ValueError(f"{count} finger(s) cannot grasp; two or more are accepted")
+    return SoftFinger(sliding, torsional) if count == 2 else HardFinger(sliding)
 
 
 def check_force_closure(grasp: Grasp, method: Method = "cone") -> ClosureResult:
-    """Check force closure of any set of contacts.
+    """Check force closure of any set of contacts on any surface.
 
     A grasp is force closed iff G is onto and some internal force lies strictly inside all cones [MLS 1994,
     prop. 5.3].  The second half is :func:`compute_load_margin` of no wrench at a mean squeeze of 1 N; rank G = 6
-    alone is not force closure.
+    alone is not force closure.  The polytope's answer is sufficient only.
     """
     found = compute_load_margin(grasp, np.zeros(6), 1.0, method)
     meaning = (
         "normal force to spare at the weakest contact per newton of mean squeeze, by the best internal force"
     )
     is_closed = found.rank == 6 and found.margin > _CLOSED
-    return ClosureResult(is_closed, found.margin, "N/N", meaning, found.rank, found.internal_forces)
+    return ClosureResult(
+        is_closed, found.margin, "N/N", meaning, found.rank, found.internal_forces, found.strength
+    )
 
 
 def compute_load_margin(
@@ -63,10 +92,10 @@ def compute_load_margin(
 
         maximise s  s.t.  G f = wrench,  |f_t / c|_i <= f_n,i - s,  mean f_n = mean_normal
 
-    and return s / mean_normal.  With ``"cone"`` the cones are exact; they enter as cutting planes, added where the
-    last solution leaves them, so that the linear program bounds the margin from above while its solution, measured
-    with the exact cone, bounds it from below; the margin returned is the attained one.  With ``"polytope"`` they are
-    the models' inscribed pyramids, and the margin is never more than the exact one.
+    and return s / mean_normal.  With ``"cone"`` the cones are exact, by an interior-point method whose answer is within
+    1e-8 of the best; the margin returned is the attained one.  With ``"polytope"`` they are the models' inscribed
+    pyramids, by one linear program: as if each contact had lost the share 1 - inradius of its friction in the pyramid's
+    worst directions, so that the margin lies between the exact ones at ``inradius`` times the friction and at all of it.
 
     Args:
         grasp: the contacts.
@@ -89,144 +118,59 @@ def compute_load_margin(
     if method not in ("cone", "polytope"):
         raise ValueError(f"method is {method!r}; 'cone' and 'polytope' are accepted")
     meaning = "normal force to spare at the weakest contact per newton of mean squeeze, under the wrench"
-    G = compute_grasp_map(grasp)
-    length = max(float(np.mean([np.linalg.norm(c.p_OC) for c in grasp.contacts])), 1e-6)
-    scaled = G.copy()
-    scaled[3:] /= length  # torque rows as large as force rows
-    rank = int(np.linalg.matrix_rank(scaled, tol=1e-9))
+    strength: Literal["exact", "sufficient"] = "exact" if method == "cone" else "sufficient"
 
-    count, size = len(grasp.contacts), G.shape[1]
-    normal = np.array([s.start + NORMAL for s in grasp.slices])
-    # Unknowns y = f / (c mean_normal) (f_n / mean_normal for the normal) and s: all cones become circular.
-    scale = np.concatenate([np.insert(model.capacity, NORMAL, 1.0) for model in grasp.models])
-    equality = np.zeros((7, size + 1))
-    equality[:6, :size] = scaled * scale
-    equality[6, normal] = 1.0
-    right = np.concatenate([load[:3], load[3:] / length, [count * mean_normal]]) / mean_normal
-    cost = np.zeros(size + 1)
-    cost[-1] = -1.0
-    cuts = []
-    for i, model in enumerate(grasp.models):
-        facets, inradius = model.section
-        cuts += [_cut(grasp, i, n, size, inradius if method == "polytope" else 1.0) for n in facets]
-
-    best, forces = -np.inf, None
-    for _ in range(60):
-        answer = linprog(
-            cost,
-            A_ub=np.array(cuts),
-            b_ub=np.zeros(len(cuts)),
-            A_eq=equality,
-            b_eq=right,
-            bounds=(None, None),
-        )
-        if answer.status != 0:
-            break
-        if method == "polytope":
-            best, forces = float(answer.x[-1]), answer.x[:size] * scale
-            break
-        shear = [np.delete(answer.x[s], NORMAL) for s in grasp.slices]
-        used = np.array([np.linalg.norm(x) for x in shear])
-        slack = answer.x[normal] - used
-        if slack.min() > best:
-            best, forces = float(slack.min()), answer.x[:size] * scale
-        if -answer.fun - best <= _GAP:
-            break
-        # Cut where the exact cone, not the pyramid, is left.
-        outside = np.flatnonzero(slack < answer.x[-1] - 0.1 * _GAP)
-        cuts += [_cut(grasp, int(i), shear[i] / used[i], size, 1.0) for i in outside]
-    attained = None if forces is None else read_only(forces * mean_normal)
-    return ClosureResult(best > _CLOSED, best, "N/N", meaning, rank, attained)
+    program, rank = build_margin_program(grasp, load, mean_normal)
+    if program is None:
+        return ClosureResult(False, -np.inf, "N/N", meaning, rank)
+    if method == "cone":
+        z = solve_exact_margin(program)
+        margin = program.attained(z)
+    else:
+        z, margin = solve_pyramid_margin(program, [model.section for model in grasp.models])
+    forces = read_only(mean_normal * (program.forces @ np.concatenate([[1.0], z])))
+    return ClosureResult(margin > _CLOSED, margin, "N/N", meaning, rank, forces, strength)
 
 
-def _cut(grasp: Grasp, index: int, direction: Array, size: int, height: float) -> Array:
-    """Return the row of ``direction . y_t <= height * (f_n - s)`` for one contact: tangent to its cone at height 1."""
-    row = np.zeros(size + 1)
-    row[grasp.slices[index]] = np.insert(direction, NORMAL, -height)
-    row[-1] = height
-    return row
+def check_antipodal(
+    p1: ArrayLike, n1: ArrayLike, p2: ArrayLike, n2: ArrayLike, mu: ArrayLike
+) -> ClosureResult:
+    """Check two soft fingers on any surface: does the chord between them lie inside both friction cones?
 
+    A chord inside both cones makes the pair force closed [Nguyen 1988; MLS 1994, th. 5.7].  The converse, which is
+    usually stated with it, holds where the chord and both normals lie in one plane, as on a sphere: there the answer is
+    exact.  For skew normals the torsion of both fingers can balance the couple of two forces that lean off the chord,
+    each towards its own normal, and a pair may be closed whose chord misses a cone by a fraction of a degree; there the
+    condition is sufficient, and :func:`check_force_closure` decides.
 
-def check_antipodal(p1: ArrayLike, n1: ArrayLike, p2: ArrayLike, n2: ArrayLike, mu: float) -> ClosureResult:
-    """Check two soft fingers at p1, p2 with **outward** normals n1, n2: is the chord in both cones?
+    Args:
+        p1, p2: contact points (3,) [m].
+        n1, n2: **outward** normals (3,), of any length.
+        mu: friction coefficient, or one per finger (2,).
 
-    [Nguyen 1988; MLS 1994, th. 5.7].  Any surface; the margin is an angle [rad].  Raises ValueError for
-    coincident points.
+    Returns:
+        A result whose margin is an angle [rad].
+
+    Raises ValueError for coincident points.
     """
     a, b = np.asarray(p1, dtype=np.float64), np.asarray(p2, dtype=np.float64)
     chord = b - a
     if np.linalg.norm(chord) == 0.0:
         raise ValueError("the two contact points coincide; distinct points are accepted")
-    worst = max(
-        _angle(-np.asarray(n1, dtype=np.float64), chord), _angle(-np.asarray(n2, dtype=np.float64), -chord)
-    )
-    margin = float(np.arctan(mu) - worst)
+    inward_1, inward_2 = -np.asarray(n1, dtype=np.float64), -np.asarray(n2, dtype=np.float64)
+    lean = np.array([compute_angle(inward_1, chord), compute_angle(inward_2, -chord)])
+    margin = float(np.min(np.arctan(np.asarray(mu, dtype=np.float64)) - lean))
+    volume = np.dot(np.cross(inward_1, inward_2), chord)
+    lengths = np.linalg.norm(inward_1) * np.linalg.norm(inward_2) * np.linalg.norm(chord)
     return ClosureResult(
-        margin > 0.0, margin, "rad", "angle by which the chord stays inside the narrower friction cone"
+        margin > 0.0,
+        margin,
+        "rad",
+        "least angle by which the chord stays inside a friction cone",
+        strength="exact" if abs(volume) <= _COPLANAR * lengths else "sufficient",
     )
 
 
-def _angle(a: Array, b: Array) -> float:
-    """Return the angle [rad] between two vectors, exact near 0 and pi as well."""
+def compute_angle(a: Array, b: Array) -> float:
+    """Return the angle [rad] between two vectors (3,), exact near 0 and pi as well."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
-
-
-def sphere_pair_angle_min(mu: float) -> float:
-    """Return the least central angle [rad] of a closed soft pair: pi - 2 atan(mu) [paper §3]."""
-    return float(np.pi - 2.0 * np.arctan(mu))
-
-
-def check_sphere_pair(direction_1: ArrayLike, direction_2: ArrayLike, mu: float) -> ClosureResult:
-    """Check two soft fingers on a sphere at directions (3,) from its centre [paper §3, result 2].
-
-    The paper counts the boundary as closed; here it is not, for there the squeeze needed for any load is
-    infinite.
-    """
-    phi = _angle(np.asarray(direction_1, dtype=np.float64), np.asarray(direction_2, dtype=np.float64))
-    margin = phi - sphere_pair_angle_min(mu)
-    return ClosureResult(margin > 0.0, margin, "rad", "central angle beyond the smallest that is closed")
-
-
-def check_sphere_triple_sufficient(directions: ArrayLike, mu: float) -> ClosureResult:
-    """Check the **sufficient** condition for three hard fingers on a sphere, directions in rows.
-
-    [paper §3, result 3]: the triangle is acute and its plane is nearer to the centre than r sin(theta).  A
-    grasp that fails may still be closed (equatorial azimuths 0, 60, 150 deg at mu 0.5): ask
-    :func:`check_force_closure` then.
-    """
-    d = np.asarray(directions, dtype=np.float64)
-    d = d / np.linalg.norm(d, axis=1, keepdims=True)
-    sides = np.roll(d, -1, axis=0) - d
-    # cosine of the angle at each corner, between the sides that leave it
-    out, back = sides, -np.roll(sides, 1, axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        cosine = np.sum(out * back, axis=1) / (np.linalg.norm(out, axis=1) * np.linalg.norm(back, axis=1))
-    area = np.cross(sides[0], sides[1])
-    if np.linalg.norm(area) < 1e-12:
-        raise ValueError("the three contact points are collinear or coincide; a proper triangle is accepted")
-    height = abs(float(np.dot(area, d[0]))) / float(np.linalg.norm(area))
-    margin = min(float(np.sin(np.arctan(mu))) - height, float(cosine.min()))
-    meaning = "smaller of sin(theta) - h/r and the cosine of the largest corner (sufficient condition only)"
-    return ClosureResult(margin > 0.0, margin, "-", meaning)
-
-
-def required_pair_preload(
-    mu: float, mu_t: float, mass: float, radius: float, phi: float, utilisation: float = 1.0
-) -> float:
-    """Return the normal force [N] of each of two soft fingers that hold a ball by a horizontal chord.
-
-    At central angle ``phi`` [rad] the chord passes beside the centre by R sin(beta), beta = 90 deg - phi/2,
-    so that each finger carries half the weight, the tangential share N tan(beta) of the squeeze and the
-    torque m g R tan(beta) / 2:
-
-        N^2 = [(m g / 2 mu)^2 + (m g R tan(beta) / 2 mu_t)^2] / [u^2 - (tan(beta) / mu)^2].
-
-    ``mu`` [-], ``mu_t`` [m], ``mass`` [kg], ``radius`` [m], ``utilisation`` u in (0, 1].  inf where the
-    squeeze alone exceeds u: geometric closure needs infinite squeeze at its boundary.
-    """
-    slope = np.tan(0.5 * np.pi - 0.5 * phi)
-    left = utilisation**2 - (slope / mu) ** 2
-    weight = mass * GRAVITY
-    if left <= 0.0:
-        return float("inf")
-    return float(np.sqrt(((weight / (2 * mu)) ** 2 + (weight * radius * slope / (2 * mu_t)) ** 2) / left))

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dexplan.grasp.closure import required_pair_preload
+from dexplan.grasp.sphere import required_pair_preload
 from dexplan.planning.admissible import FingerState, compute_finger_states
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel

@@ -9,16 +9,14 @@ from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
-from dexplan.grasp.closure import (
-    check_antipodal,
-    check_force_closure,
+from dexplan.grasp.closure import check_antipodal, check_force_closure, compute_load_margin
+from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
+from dexplan.grasp.sphere import (
     check_sphere_pair,
     check_sphere_triple_sufficient,
-    compute_load_margin,
     required_pair_preload,
     sphere_pair_angle_min,
 )
-from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 from dexplan.spatial import GRAVITY, direction_from_angles
 
 R = 0.03

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dexplan.contact.friction import SoftFinger
-from dexplan.grasp.closure import required_pair_preload
+from dexplan.grasp.sphere import required_pair_preload
 from dexplan.planning.admissible import Admissibility, Margins, worst
 from dexplan.planning.hand import HandModel
 from dexplan.spatial import Array, build_frame, direction_from_angles, make_pose

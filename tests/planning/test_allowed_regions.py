@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.grasp.closure import check_sphere_pair
+from dexplan.grasp.sphere import check_sphere_pair
 from dexplan.planning.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dexplan.contact.friction import SoftFinger
-from dexplan.grasp.closure import check_sphere_pair
+from dexplan.grasp.sphere import check_sphere_pair
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Plan

@@ -1,0 +1,143 @@
+"""Three hard fingers on any surface: force closure in closed form, for many grasps at once.
+
+**In the plane.**  The moment about the line through two of three non-collinear points is due to the third finger alone, so
+internal forces of point contacts lie in the plane of the points.  There they are three squeezes along the sides,
+
+    f_1 = a e_12 - c e_31,   f_2 = b e_23 - a e_12,   f_3 = c e_31 - b e_23     (e_ij the unit vector from i to j),
+
+each of which balances by itself, in force and in moment.  A friction cone meets the plane in a sector about the projection
+of its axis, with cos(half width) = cos(theta) / cos(tilt of the normal out of the plane).  The rank of G is 6 for any three
+non-collinear points.  Hence the grasp is force closed iff some (a, b, c) puts all three forces strictly inside their
+sectors: six homogeneous inequalities in three unknowns.  Their solutions form a pointed cone, whose edges lie among the
+cross products of two rows; it has an inside iff the sum of its edges is one.
+
+**The margin** is the friction angle to spare: how much all friction angles may shrink before the grasp opens.  Sectors only
+grow with friction, so it is found by bisection.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dexplan.grasp.closure import ClosureResult
+from dexplan.spatial import Array
+
+_PAIRS = np.array(list(combinations(range(6), 2)))
+_EDGE = 1e-12  # rows and edges have length 1: what rounding leaves of a zero
+_COLLINEAR = 1e-9  # area of the triangle over the square of its longest side
+_HALVINGS = 48
+_RIGHT = 0.5 * np.pi
+
+
+def compute_triple_margin(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) -> Array:
+    """Return the friction angle to spare (...) [rad] of three hard fingers; the grasp is force closed iff it is positive.
+
+    The margin is continuous, and grows with mu as atan(mu) does where all three are equal.  It is exact to 1e-12 rad or so
+    where the grasp would close at some friction angle below 90 degrees, and is otherwise counted from there: atan(mu) - pi/2
+    for the largest mu.  It is -inf for collinear points, whose fingers cannot resist a torque about their line.
+
+    Args:
+        points: contact points (..., 3, 3) [m], one per row.
+        normals: **outward** normals (..., 3, 3) there, of any length.
+        mu: friction coefficient, or one per finger (..., 3).
+
+    Raises ValueError for arrays of another shape, normals of length zero and friction that is not positive.
+    """
+    p, n, theta = _read(points, normals, mu)
+    shape = p.shape[:-2]
+    p, n, theta = p.reshape(-1, 3, 3), n.reshape(-1, 3, 3), theta.reshape(-1, 3)
+    sides = np.roll(p, -1, axis=1) - p
+    normal = np.cross(sides[:, 0], sides[:, 1])
+    area, longest = np.linalg.norm(normal, axis=1), np.linalg.norm(sides, axis=2).max(axis=1)
+    margin = np.full(len(p), -np.inf)
+    proper = np.flatnonzero(area > _COLLINEAR * longest**2)
+    if not len(proper):
+        return margin.reshape(shape)
+    sides, n, theta = sides[proper], n[proper], theta[proper]
+    normal = normal[proper] / area[proper, None]
+    # In the plane: x along the first side, y so that (x, y, normal) is right-handed.
+    x = sides[:, 0] / np.linalg.norm(sides[:, 0], axis=1, keepdims=True)
+    basis = np.stack([x, np.cross(normal, x)], axis=1)
+    along = sides @ np.swapaxes(basis, 1, 2)
+    along /= np.linalg.norm(along, axis=2, keepdims=True)
+    inward = -n / np.linalg.norm(n, axis=2, keepdims=True)
+    flat = inward @ np.swapaxes(basis, 1, 2)
+    tilt = np.arctan2(np.abs(inward @ normal[:, :, None])[..., 0], np.linalg.norm(flat, axis=2))
+    heading = np.arctan2(flat[..., 1], flat[..., 0])
+
+    # forces[:, i] (2, 3) maps (a, b, c) to f_i
+    forces = np.zeros((len(proper), 3, 2, 3))
+    for i in range(3):
+        forces[:, i, :, i], forces[:, i, :, i - 1] = along[:, i], -along[:, i - 1]
+
+    low = theta.max(axis=1) - _RIGHT  # all angles grown until the largest is a right one
+    high = (theta - tilt).min(axis=1)  # below its tilt a cone misses the plane
+    high = np.maximum(high, low)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        closed = _is_closed(forces, heading, tilt, theta - middle[:, None])
+        low, high = np.where(closed, middle, low), np.where(closed, high, middle)
+    margin[proper] = low
+    return margin.reshape(shape)
+
+
+def check_hard_triple(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) -> ClosureResult:
+    """Check three hard fingers on any surface: :func:`compute_triple_margin` of one grasp, exact in both directions.
+
+    Args:
+        points: contact points (3, 3) [m], one per row.
+        normals: **outward** normals (3, 3) there.
+        mu: friction coefficient, or one per finger (3,).
+    """
+    margin = float(compute_triple_margin(points, normals, mu))
+    rank = 6 if np.isfinite(margin) else 5
+    meaning = "friction angle to spare: how much all friction angles may shrink before the grasp opens"
+    return ClosureResult(margin > 0.0, margin, "rad", meaning, rank)
+
+
+def _read(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) -> tuple[Array, Array, Array]:
+    p, n = np.asarray(points, dtype=np.float64), np.asarray(normals, dtype=np.float64)
+    friction = np.asarray(mu, dtype=np.float64)
+    if p.shape != n.shape or p.shape[-2:] != (3, 3):
+        raise ValueError(f"points {p.shape}, normals {n.shape}; equal shapes (..., 3, 3) are accepted")
+    if np.any(np.linalg.norm(n, axis=-1) == 0.0):
+        raise ValueError("a normal has length zero; vectors that point somewhere are accepted")
+    if not np.all(friction > 0.0):
+        raise ValueError(f"friction is {friction.tolist()}; positive numbers are accepted")
+    return (
+        p,
+        n,
+        np.arctan(np.broadcast_to(friction[..., None] if friction.ndim == 0 else friction, p.shape[:-1])),
+    )
+
+
+def _is_closed(forces: Array, heading: Array, tilt: Array, theta: Array) -> NDArray[np.bool_]:
+    """Return whether (a, b, c) exist (N,) with all forces strictly inside their sectors.
+
+    ``forces`` (N, 3, 2, 3) maps them to forces in the plane; ``heading``, ``tilt`` and ``theta`` (N, 3) [rad] are the
+    direction of each sector, what its normal leans out of the plane, and the friction angle.
+    """
+    meets = theta > tilt
+    half = np.arccos(np.clip(np.cos(theta) / np.cos(np.where(meets, tilt, 0.0)), -1.0, 1.0))
+    left, right = heading + half, heading - half
+    # inward normals of both rims: f inside iff both products are positive
+    rims = np.stack(
+        [
+            np.stack([-np.sin(right), np.cos(right)], axis=-1),
+            np.stack([np.sin(left), -np.cos(left)], axis=-1),
+        ],
+        axis=2,
+    )
+    rows = (rims @ forces).reshape(-1, 6, 3)
+    rows /= np.linalg.norm(rows, axis=2, keepdims=True)
+    edges = np.cross(rows[:, _PAIRS[:, 0]], rows[:, _PAIRS[:, 1]])
+    length = np.linalg.norm(edges, axis=2, keepdims=True)
+    edges = np.where(length > _EDGE, edges / np.maximum(length, _EDGE), 0.0)
+    values = edges @ np.swapaxes(rows, 1, 2)
+    up, down = (values >= -_EDGE).all(axis=2), (values <= _EDGE).all(axis=2)
+    sign = np.where(length[..., 0] > _EDGE, up.astype(float) - down.astype(float), 0.0)
+    inside = (sign[:, :, None] * edges).sum(axis=1)
+    return meets.all(axis=1) & ((rows @ inside[:, :, None])[..., 0] > 1e-11).all(axis=1)
