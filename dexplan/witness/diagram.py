@@ -21,6 +21,7 @@ FRICTIONS = (0.3, 0.5, 0.8)
 """Friction coefficients at which agreement is demanded."""
 MORE_FRICTIONS = (0.2, 0.4, 0.65, 1.0)
 """Friction coefficients that the full diagram adds."""
+CURVE_FRICTIONS = np.linspace(0.18, 1.02, 15)
 FIRST_STEP = 0.25
 """Bisection starts this share of the demand on either side of the load-aware boundary, and widens until sides differ."""
 
@@ -66,10 +67,21 @@ class GridPoint:
 
 
 @dataclass(frozen=True)
+class CurvePoint:
+    """Theory's two boundaries at one friction coefficient, in the experiment's unit."""
+
+    experiment: str
+    mu: float
+    closed_form: float
+    load_aware: float
+
+
+@dataclass(frozen=True)
 class PhaseDiagram:
-    """All boundaries, all outcomes of the grid, and what they were measured with."""
+    """All boundaries, theory's curves, all outcomes of the grid, and what they were measured with."""
 
     boundaries: tuple[Boundary, ...]
+    curves: tuple[CurvePoint, ...]
     grid: tuple[GridPoint, ...]
     settings: dict[str, Any] = field(default_factory=dict)
 
@@ -79,6 +91,7 @@ class PhaseDiagram:
             "format": 1,
             "settings": self.settings,
             "boundaries": [{**asdict(b), "is_within": b.is_within} for b in self.boundaries],
+            "curves": [asdict(point) for point in self.curves],
             "grid": [asdict(point) for point in self.grid],
         }
 
@@ -181,14 +194,17 @@ def measure_diagram(
     frictions = FRICTIONS if is_coarse else tuple(sorted((*FRICTIONS, *MORE_FRICTIONS)))
     steps = 2 if is_coarse else 6
     jobs: list[tuple[Any, ...]] = [(e.name, mu, steps) for e in EXPERIMENTS for mu in frictions]
+    jobs += [(e.name, float(mu)) for e in EXPERIMENTS for mu in CURVE_FRICTIONS]
     jobs += [(e.name, mu, x, None) for e in EXPERIMENTS for mu, x in _list_grid(e, is_coarse)]
     done = _map(_work, jobs, workers)
     results = list(done if progress is None else progress(done, len(jobs)))
     order = {e.name: k for k, e in enumerate(EXPERIMENTS)}
     boundaries = [r for r in results if isinstance(r, Boundary)]
+    curves = [r for r in results if isinstance(r, CurvePoint)]
     grid = [r for r in results if isinstance(r, GridPoint)]
     return PhaseDiagram(
         tuple(sorted(boundaries, key=lambda b: (order[b.experiment], b.mu))),
+        tuple(sorted(curves, key=lambda c: (order[c.experiment], c.mu))),
         tuple(sorted(grid, key=lambda p: (order[p.experiment], p.mu, p.x))),
         {**describe_settings(), "is_coarse": is_coarse, "run_time_s": round(time.perf_counter() - begin, 1)},
     )
@@ -225,8 +241,11 @@ def _list_grid(experiment: Experiment, is_coarse: bool) -> list[tuple[float, flo
     ]
 
 
-def _work(job: tuple[Any, ...]) -> Boundary | GridPoint:
+def _work(job: tuple[Any, ...]) -> Boundary | CurvePoint | GridPoint:
     experiment = next(e for e in EXPERIMENTS if e.name == job[0])
+    if len(job) == 2:
+        closed = experiment.closed_form(job[1])
+        return CurvePoint(experiment.name, job[1], closed, compute_load_aware(experiment, job[1]))
     if len(job) == 3:
         return measure_boundary(experiment, job[1], job[2])
     return measure_point(experiment, job[1], job[2])

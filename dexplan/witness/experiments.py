@@ -95,7 +95,7 @@ def compute_margin(experiment: Experiment, mu: float, x: float) -> float:
 def compute_load_aware(experiment: Experiment, mu: float) -> float:
     """Return the boundary on ``x`` under weight at the preload: where the load margin is zero."""
     closed = experiment.closed_form(mu)
-    worse, better = (0.95, 1.15) if experiment.holds_above else (1.1, 0.5)
+    worse, better = (0.95, 1.15) if experiment.holds_above else (1.3, 0.5)
     ends = (worse * closed, min(better * closed, 180.0) if experiment.holds_above else better * closed)
     return float(
         brentq(lambda x: max(compute_margin(experiment, mu, x), -1.0), *ends, xtol=1e-6 * abs(closed))
@@ -127,15 +127,19 @@ def run(experiment: Experiment, mu: float, x: float, believed: float | None = No
     forces = found[0] + grown[:, None, None] * (found[-1] - found[0])
     push = np.zeros((len(time), scene.model.nbody, 6))
     push[:, scene.object_body] = grown[:, None] * load
-    start = time[-1] - 3.0 * PULSE - REST
-    for axis in range(3):
-        phase = (time - start) / PULSE - axis
-        push[:, scene.object_body, axis] += (
-            NUDGE * np.sin(np.pi * np.clip(phase, 0.0, 1.0)) * ((phase > 0) & (phase < 1))
-        )
+    push[:, scene.object_body] += build_nudges(time, float(time[-1]) - 3.0 * PULSE - REST)
     command = stance.compute_command(forces)
     done = replay(scene.xml, stance.state, command, STEPS, push, clearance_stride=len(time))
     return classify(done, tuple(directions))
+
+
+def build_nudges(time: Array, start: float) -> Array:
+    """Return three pulses (T, 6) of force [N] on the object at ``time`` (T,) from ``start`` on: along x, y and z of W."""
+    nudges = np.zeros((len(time), 6))
+    for axis in range(3):
+        phase = np.clip((time - start) / PULSE - axis, 0.0, 1.0)
+        nudges[:, axis] = NUDGE * np.sin(np.pi * phase)
+    return nudges
 
 
 def smooth(share: Array) -> Array:
