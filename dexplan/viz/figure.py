@@ -72,7 +72,7 @@ def draw_summary(
     _draw_errors(axes[3], curves)
     _draw_turn(axes[4], curves)
     _write_heading(figure, problem, plan, trace, report)
-    _draw_keys(figure, rows)
+    _draw_keys(figure, plan, rows)
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
@@ -110,6 +110,14 @@ def _draw_gait(ax: Axes, plan: Plan, rows: tuple[GaitRow, ...], spans: tuple[Spa
         if not 0 <= span.action_index < len(plan.actions):
             continue
         action = plan.actions[span.action_index]
+        for roll in action.rolls:
+            bar: dict[str, Any] = {
+                "facecolors": "none",
+                "edgecolor": "white",
+                "hatch": "////",
+                "linewidth": 0.0,
+            }
+            ax.broken_barh([(span.start, span.end - span.start)], (roll.finger - 0.3, 0.6), zorder=3, **bar)
         if span.end - span.start >= LEAST_LABEL_SHARE * length:
             middle = 0.5 * (span.start + span.end)
             ax.annotate(
@@ -253,15 +261,17 @@ def _write_heading(
     figure.text(0.07, 0.948, line, fontsize=11, color=color, va="center", parse_math=False)
 
 
-def _draw_keys(figure: Figure, rows: tuple[GaitRow, ...]) -> None:
+def _draw_keys(figure: Figure, plan: Plan, rows: tuple[GaitRow, ...]) -> None:
     actions = [Patch(facecolor=shade, label=kind) for kind, shade in ACTION_SHADES.items()]
     fingers = [
         Line2D([], [], color=get_finger_color(k), lw=4, label=row.finger) for k, row in enumerate(rows)
     ]
-    others = [
+    others: list[Line2D | Patch] = [
         Line2D([], [], color=INK, marker="X", linestyle="", markersize=8, label="limiting finger"),
         Line2D([], [], color=INK, linestyle=":", label="planned force"),
     ]
+    if any(action.rolls for action in plan.actions):
+        others.append(Patch(facecolor="#888888", edgecolor="white", hatch="////", label="rolls"))
     handles = [*fingers, *others, *actions]
     figure.legend(
         handles=handles,

@@ -5,8 +5,14 @@ from __future__ import annotations
 FINGER_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442")
 """Finger after finger; the object is orange, so that none of the first three is lost in front of it."""
 
-ACTION_SHADES = {"hold": "#E4E4E4", "move_object": "#FBF4B4", "place": "#D3EAF7", "lift": "#F6DCCB"}
-"""Backgrounds behind curves, pale versions of the palette's grey, yellow, sky blue and vermilion."""
+ACTION_SHADES = {
+    "hold": "#E4E4E4",
+    "move_object": "#FBF4B4",
+    "roll": "#D5EDE4",
+    "place": "#D3EAF7",
+    "lift": "#F6DCCB",
+}
+"""Backgrounds behind curves, pale versions of the palette's grey, yellow, bluish green, sky blue and vermilion."""
 
 OTHER_SHADE = "#FFFFFF"
 INK = "#222222"

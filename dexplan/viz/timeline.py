@@ -20,7 +20,7 @@ from dexplan.planning.plan import MAY, MUST, Action, Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
 
-HOLDS, FREE, BOTH, LIMITS = "#", ".", "+", "!"
+HOLDS, ROLLS, FREE, BOTH, LIMITS = "#", "~", ".", "+", "!"
 """Characters of the gait diagram as text."""
 _UPWARDS = (0.0, 0.0, 1.0)
 
@@ -89,6 +89,8 @@ def describe_action(plan: Plan, action_index: int, phase_index: int = 0) -> str:
     text = f"{action_index + 1}/{len(plan.actions)} {action.kind}"
     if action.finger is not None:
         text += f" {plan.fingers[action.finger]}"
+    if action.rolls:
+        text += " " + ", ".join(plan.fingers[roll.finger] for roll in action.rolls)
     if action.kind == "move_object":
         text += f" {_describe_motion(action)}"
     if len(action.phases) > 1 and 0 <= phase_index < len(action.phases):
@@ -177,9 +179,7 @@ def _plan_text(plan: Plan, width: int) -> str:
         for row, head in enumerate(heads):
             lines.append((head.ljust(margin) + " ".join(block[row] for block in sheet)).rstrip())
         lines.append("")
-    key = (
-        f"{HOLDS} holds   {FREE} free   {BOTH} begins or ends to touch   {LIMITS} its limit ended the motion"
-    )
+    key = f"{HOLDS} holds   {ROLLS} rolls   {FREE} free   {BOTH} begins or ends to touch   {LIMITS} its limit ended the motion"
     return "\n".join([*lines, *textwrap.wrap(key, width)])
 
 
@@ -187,7 +187,8 @@ def _plan_block(action: Action, index: int, finger_count: int) -> list[str]:
     """Return the action's number and a character per phase for each finger, all of one length."""
     rows = [str(index + 1)]
     for finger in range(finger_count):
-        marks = {MUST: HOLDS, MAY: BOTH}
+        rolls = any(roll.finger == finger for roll in action.rolls)
+        marks = {MUST: ROLLS if rolls else HOLDS, MAY: BOTH}
         row = "".join(marks.get(phase.touch[finger], FREE) for phase in action.phases)
         # The mark stands behind the phases, so that it hides none of them.
         rows.append(row + LIMITS if finger == action.limiting_finger else row)
