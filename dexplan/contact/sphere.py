@@ -1,0 +1,69 @@
+"""The sphere: what fingertips and balls are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dexplan.contact.polar_axes import CHART_COUNT, POLE_AXES, from_chart_axes, to_chart_axes
+from dexplan.contact.surface import AbstractSurface, ChartGeometry, as_chart_points
+from dexplan.spatial import Array
+
+
+@final
+@dataclass(frozen=True)
+class Sphere(AbstractSurface):
+    """Sphere of ``radius`` rho [m] about the origin; u latitude, v longitude [rad] [MLS 1994, §5.6].
+
+    ``K = I / rho``, ``M = diag(rho, rho cos u)``, ``T = [0, -tan(u) / rho]``: a chart ends at its poles u = +-pi/2, where
+    the longitude is undefined and T is unbounded.  Chart 0 has its poles on z, chart 1 on x, chart 2 on y.
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.radius) and self.radius > 0.0):
+            raise ValueError(f"sphere radius is {self.radius} m; a positive length is accepted")
+
+    @property
+    def chart_count(self) -> int:
+        """Three: poles on z, x, y."""
+        return CHART_COUNT
+
+    def geometry(self, u: ArrayLike, v: ArrayLike, chart: ArrayLike = 0) -> ChartGeometry:
+        """Return the geometry at latitude u and longitude v: x to the north, y to the east."""
+        u, v, chart = as_chart_points(u, v, chart, CHART_COUNT)
+        su, cu, sv, cv = np.sin(u), np.cos(u), np.sin(v), np.cos(v)
+        normal = from_chart_axes(np.stack([cu * cv, cu * sv, su], axis=-1), chart)
+        north = from_chart_axes(np.stack([-su * cv, -su * sv, cu], axis=-1), chart)
+        east = from_chart_axes(np.stack([-sv, cv, np.zeros_like(v)], axis=-1), chart)
+        lengths = self.radius * np.stack([np.ones_like(u), cu], axis=-1)
+        K = np.broadcast_to(np.eye(2) / self.radius, (*u.shape, 2, 2)).copy()
+        T = np.stack([np.zeros_like(u), -np.tan(u) / self.radius], axis=-1)
+        return ChartGeometry(self.radius * normal, north, east, normal, lengths, K, T)
+
+    def coordinates(self, p_O: ArrayLike, chart: ArrayLike = 0) -> tuple[Array, Array]:
+        """Return latitude and longitude (...) [rad] of points (..., 3)."""
+        n = self.closest(p_O) / self.radius
+        n = to_chart_axes(n, as_chart_points(0.0, 0.0, chart, CHART_COUNT)[2])
+        return np.arctan2(n[..., 2], np.hypot(n[..., 0], n[..., 1])), np.arctan2(n[..., 1], n[..., 0])
+
+    def chart_margins(self, p_O: ArrayLike) -> Array:
+        """Return the cosines of the three latitudes (..., 3) of points (..., 3)."""
+        n = self.closest(p_O) / self.radius
+        return np.sqrt(np.clip(1.0 - n[..., POLE_AXES] ** 2, 0.0, None))
+
+    def closest(self, direction: ArrayLike) -> Array:
+        """Return the points (..., 3) [m] in these directions; raises ValueError for a zero one."""
+        direction = np.asarray(direction, dtype=np.float64)
+        length = np.linalg.norm(direction, axis=-1, keepdims=True)
+        if np.any(length == 0.0):
+            raise ValueError("direction is zero; a vector that points somewhere is accepted")
+        return self.radius * direction / length
+
+    def project(self, p_O: ArrayLike) -> Array:
+        """Return the nearest points (..., 3) [m]; raises ValueError for the centre, which is as near to all."""
+        return self.closest(p_O)
