@@ -97,8 +97,8 @@ def sample_triples(count: int, rng: np.random.Generator) -> Iterator[Sample]:
     n[free] += 0.4 * rng.normal(size=n[free].shape)
     mu = rng.uniform(0.2, 1.2, size=(count, 1))
     critical = np.arctan(mu[:, 0]) - compute_triple_margin(p, n, mu)
-    for k in np.flatnonzero(turn % 2):
-        mu[k] = _friction_near(critical[k], rng)
+    for near in np.flatnonzero(turn % 2):
+        mu[near] = _friction_near(critical[near], rng)
     inradius = HardFinger(1.0).facet_inradius
     margins = np.stack([compute_triple_margin(p, n, share * mu) for share in (1.0, inradius)], axis=1)
     for k in range(count):
