@@ -8,7 +8,7 @@ from dexplan.contact.coordinates import ContactCoordinates, build_coordinates, l
 from dexplan.contact.surface import AbstractSurface
 from dexplan.spatial import Array
 
-_PROJECTIONS = 30
+_PROJECTIONS = 12
 _NEWTON_STEPS = 60
 _LONGEST_TURN = 0.3  # of a normal in one Newton step [rad]
 

@@ -13,6 +13,7 @@ from dexplan.contact.surface import AbstractSurface, ChartGeometry, as_chart_poi
 from dexplan.spatial import Array
 
 _NEWTON_STEPS = 60
+_BISECTIONS = 50
 _SMALLEST_COSINE = 1e-150  # keeps logarithms finite on the very pole of a chart
 
 
@@ -117,7 +118,7 @@ class Ellipsoid(AbstractSurface):
         axes = np.asarray(self.semi_axes)
         low = np.max(axes * np.abs(p) - axes**2, axis=-1)
         high = np.linalg.norm(axes * p, axis=-1) - np.min(axes) ** 2
-        for _ in range(100):
+        for _ in range(_BISECTIONS):
             t = 0.5 * (low + high)
             with np.errstate(divide="ignore", invalid="ignore"):
                 terms = np.where(p == 0.0, 0.0, (axes * p / (axes**2 + t[..., None])) ** 2)

@@ -1,0 +1,324 @@
+"""Rolling paths: a fingertip that rolls on a body, sampled so that a controller can follow it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dexplan.contact.coordinates import ContactCoordinates, compute_relative_pose
+from dexplan.contact.integration import integrate_legs
+from dexplan.contact.surface import AbstractSurface
+from dexplan.spatial import Array, hat, read_only
+
+_TOUCHING = 0.01  # of the sum of the radii: what a start may be off before it is no contact
+_ANTIPODAL = 1e-9
+
+SAMPLES = 201
+"""Samples of a path unless told otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class RollingPath:
+    """A tip rolling on a body without sliding or spin, at K samples.
+
+    Frames: O the body's, F the tip's (origin at its centre, z its pole).
+
+    ``n_O`` (K, 3): where the contact is on the body, as the body's **outward** unit normal, in O.
+    ``n_F`` (K, 3): where it is on the tip, as the tip's outward unit normal, in F: ``R_OF @ n_F == -n_O``.
+    ``X_OF`` (K, 4, 4): the tip's pose.
+    ``p_O``, ``p_F`` (K, 3): the contact points [m], in O and in F.
+    ``length`` (K,): arc length [m] from the start, on the body and, because it rolls, on the tip alike.
+    ``corners`` (L + 1,): the samples at which legs start and end.
+    """
+
+    n_O: Array
+    n_F: Array
+    X_OF: Array
+    p_O: Array
+    p_F: Array
+    length: Array
+    corners: NDArray[np.intp]
+
+    def __post_init__(self) -> None:
+        for name in ("n_O", "n_F", "X_OF", "p_O", "p_F", "length"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        corners = np.array(self.corners, dtype=np.intp)
+        corners.setflags(write=False)
+        object.__setattr__(self, "corners", corners)
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+    @property
+    def total_length(self) -> float:
+        """Arc length of the whole path [m]."""
+        return float(self.length[-1])
+
+    @property
+    def polar_angle(self) -> Array:
+        """Angle (K,) [rad] between the tip's pole, z of F, and the contact on the tip."""
+        return np.arctan2(np.hypot(self.n_F[:, 0], self.n_F[:, 1]), self.n_F[:, 2])
+
+    def pose_at(self, length: ArrayLike) -> Array:
+        """Return X_OF (..., 4, 4) at arc lengths (...) [m], held at the ends.
+
+        Between samples the tip turns about a fixed axis and its centre runs on a circle about O: exact for spheres, second
+        order in the spacing for others.
+        """
+        s = np.clip(np.asarray(length, dtype=np.float64), 0.0, self.total_length)
+        k = np.clip(np.searchsorted(self.length, s, side="right") - 1, 0, len(self) - 2)
+        span = self.length[k + 1] - self.length[k]
+        share = np.where(span > 0.0, (s - self.length[k]) / np.where(span > 0.0, span, 1.0), 0.0)
+        R_0, R_1 = self.X_OF[k, :3, :3], self.X_OF[k + 1, :3, :3]
+        X = np.zeros((*s.shape, 4, 4))
+        X[..., 3, 3] = 1.0
+        axis, angle = _axis_angle(R_1 @ np.swapaxes(R_0, -1, -2))
+        X[..., :3, :3] = build_turn(axis, share * angle) @ R_0
+        p_0, p_1 = self.X_OF[k, :3, 3], self.X_OF[k + 1, :3, 3]
+        far_0, far_1 = (np.linalg.norm(p, axis=-1, keepdims=True) for p in (p_0, p_1))
+        e_0, e_1 = p_0 / far_0, p_1 / far_1
+        arc = np.arctan2(np.linalg.norm(np.cross(e_0, e_1), axis=-1), np.sum(e_0 * e_1, axis=-1))[..., None]
+        w, sine = share[..., None], np.where(arc > 1e-9, np.sin(arc), 1.0)
+        on_circle = (np.sin((1.0 - w) * arc) * e_0 + np.sin(w * arc) * e_1) / sine
+        e = np.where(arc > 1e-9, on_circle, (1.0 - w) * e_0 + w * e_1)
+        X[..., :3, 3] = ((1.0 - w) * far_0 + w * far_1) * e
+        return X
+
+
+def roll_along(
+    tip_radius: float, object_radius: float, X_OF_start: ArrayLike, waypoints: ArrayLike, samples: int = SAMPLES
+) -> RollingPath:
+    """Roll a spherical tip on a ball along great circles through ``waypoints``, closed form.
+
+    Along a leg of length s about the axis a, the contact turns by s / R on the ball, the tip by s / R + s / r in space, and
+    the contact by s / r on the tip: great circles both (Theory 2) [paper §3].
+
+    Args:
+        tip_radius: r [m].
+        object_radius: R [m].
+        X_OF_start: (4, 4) pose of the tip touching the ball; a start that is up to 1 % of r + R off is moved along the
+            normal until it touches.
+        waypoints: (M, 3) directions from the ball's centre, in O, to go to one after the other; M >= 1.
+        samples: about how many samples K; every waypoint is one of them.
+
+    Raises:
+        ValueError: the tip does not touch, or a waypoint is opposite the one before, where all ways are as long.
+    """
+    R_OF, n = split_start(tip_radius, object_radius, X_OF_start)
+    axes, lengths = [], []
+    for goal in np.atleast_2d(np.asarray(waypoints, dtype=np.float64)):
+        goal = goal / np.linalg.norm(goal)
+        cross = np.cross(n, goal)
+        sine = float(np.linalg.norm(cross))
+        if sine < _ANTIPODAL and n @ goal < 0.0:
+            raise ValueError("a waypoint is opposite the one before; one more between them is accepted")
+        axes.append(cross / sine if sine > 0.0 else any_tangent(n))
+        lengths.append(object_radius * np.arctan2(sine, n @ goal))
+        n = goal
+    return _roll_legs(tip_radius, object_radius, X_OF_start, axes, lengths, samples, R_OF)
+
+
+def roll_turning(
+    tip_radius: float,
+    object_radius: float,
+    X_OF_start: ArrayLike,
+    heading_O: ArrayLike,
+    turns: Sequence[float],
+    lengths: Sequence[float],
+    samples: int = SAMPLES,
+) -> RollingPath:
+    """Roll a spherical tip on a ball in legs along great circles, each after a turn, closed form.
+
+    Args:
+        tip_radius: r [m].
+        object_radius: R [m].
+        X_OF_start: (4, 4) pose of the tip touching the ball, as in :func:`roll_along`.
+        heading_O: (3,) direction in O whose tangential part is the heading before the first turn.
+        turns: (L,) [rad] to the left, seen from outside the ball, before each leg.
+        lengths: (L,) [m], not negative.
+        samples: about how many samples K; every corner is one of them.
+
+    Raises:
+        ValueError: the tip does not touch, or the heading is along the normal.
+    """
+    R_OF, n = split_start(tip_radius, object_radius, X_OF_start)
+    h = make_tangent(n, heading_O)
+    axes = []
+    for turn, length in zip(turns, lengths, strict=True):
+        h = build_turn(n, turn) @ h
+        axis = np.cross(n, h)
+        axes.append(axis)
+        go = build_turn(axis, length / object_radius)
+        n, h = go @ n, go @ h
+    return _roll_legs(tip_radius, object_radius, X_OF_start, axes, list(lengths), samples, R_OF)
+
+
+def roll_over(
+    tip: AbstractSurface,
+    body: AbstractSurface,
+    start: ContactCoordinates,
+    heading_O: ArrayLike,
+    turns: Sequence[float],
+    lengths: Sequence[float],
+    steps: int = SAMPLES,
+) -> RollingPath:
+    """Roll any tip on any body in legs along geodesics, each after a turn, by integration (fourth order in 1 / steps).
+
+    Args:
+        tip: surface of F.
+        body: surface of O.
+        start: one contact (shape ()).
+        heading_O: (3,) direction in O whose tangential part is the heading before the first turn.
+        turns: (L,) [rad] to the left, seen from outside the body, before each leg.
+        lengths: (L,) [m].
+        steps: Runge-Kutta steps, and samples, per leg.
+
+    Raises:
+        ValueError: more than one contact, steps too long, or contact along a line (see ``integrate_legs``).
+    """
+    if start.shape != ():
+        raise ValueError(f"a path of {start.shape} contacts; one contact is accepted, and integrate_legs takes many")
+    at, rolled = integrate_legs(tip, body, start, heading_O, turns, lengths, steps)
+    on_f = tip.geometry(at.u_f, at.v_f, at.chart_f)
+    on_o = body.geometry(at.u_o, at.v_o, at.chart_o)
+    return RollingPath(
+        n_O=on_o.normal,
+        n_F=on_f.normal,
+        X_OF=compute_relative_pose(tip, body, at),
+        p_O=on_o.point,
+        p_F=on_f.point,
+        length=rolled,
+        corners=steps * np.arange(len(turns) + 1),
+    )
+
+
+def join_paths(paths: Sequence[RollingPath]) -> RollingPath:
+    """Return one path of several, each of which starts where the one before ended; raises ValueError where one does not."""
+    for before, after in zip(paths[:-1], paths[1:], strict=True):
+        if not np.allclose(before.X_OF[-1], after.X_OF[0], atol=1e-9):
+            raise ValueError("a path starts elsewhere than the one before ends; paths without a lift between are accepted")
+    keep = [slice(0 if i == 0 else 1, None) for i in range(len(paths))]
+    offsets = np.concatenate([[0.0], np.cumsum([p.total_length for p in paths])])
+    firsts = np.concatenate([[0], np.cumsum([len(p) - 1 for p in paths])])
+    stacked = {
+        name: np.concatenate([getattr(p, name)[k] for p, k in zip(paths, keep, strict=True)])
+        for name in ("n_O", "n_F", "X_OF", "p_O", "p_F")
+    }
+    return RollingPath(
+        **stacked,
+        length=np.concatenate([p.length[k] + o for p, k, o in zip(paths, keep, offsets, strict=False)]),
+        corners=np.concatenate([p.corners[k] + f for p, k, f in zip(paths, keep, firsts, strict=False)]),
+    )
+
+
+def solve_two_finger_goals(n_1: ArrayLike, n_2: ArrayLike, angle_min: float) -> tuple[Array, Array]:
+    """Return where two contacts on a ball have to roll to form a two-finger grasp, the shortest way [paper §3, figure 1].
+
+    Contacts at a central angle phi < phi_min each move (phi_min - phi) / 2 along their great circle towards each other's
+    opposite point; the sum of both ways is the least, and so is the longer one.  Contacts that grasp already stay.
+
+    Args:
+        n_1: direction (3,) of the first contact from the ball's centre, in O.
+        n_2: of the second.
+        angle_min: central angle phi_min that closes the grasp [rad], pi - 2 atan(mu), with whatever margin is wanted; at
+            most pi.
+
+    Raises:
+        ValueError: both contacts are in the same place, where no great circle is distinguished.
+    """
+    a, b = (np.asarray(n, dtype=np.float64) / np.linalg.norm(n) for n in (n_1, n_2))
+    if not 0.0 < angle_min <= np.pi:
+        raise ValueError(f"smallest central angle is {angle_min} rad; more than 0 and at most pi is accepted")
+    cross = np.cross(a, b)
+    sine = float(np.linalg.norm(cross))
+    move = 0.5 * (angle_min - np.arctan2(sine, a @ b))
+    if move <= 0.0:
+        return a, b
+    if sine < _ANTIPODAL:
+        raise ValueError("both contacts are in the same place; contacts on a common great circle are accepted")
+    return build_turn(cross / sine, -move) @ a, build_turn(cross / sine, move) @ b
+
+
+def build_turn(axis: ArrayLike, angle: ArrayLike) -> Array:
+    """Return rotations (..., 3, 3) about unit axes (..., 3) by angles (...) [rad] (Rodrigues' formula)."""
+    W, angle = hat(np.asarray(axis, dtype=np.float64)), np.asarray(angle, dtype=np.float64)[..., None, None]
+    # 1 - cos without cancellation.
+    return np.eye(3) + np.sin(angle) * W + 2.0 * np.sin(0.5 * angle) ** 2 * (W @ W)
+
+
+def make_tangent(n: Array, direction: ArrayLike) -> Array:
+    """Return the unit tangent (3,) at n that is nearest to ``direction`` (3,); raises ValueError for one along n."""
+    d = np.asarray(direction, dtype=np.float64)
+    tangent = d - (n @ d) * n
+    size = np.linalg.norm(tangent)
+    if size <= 1e-9 * np.linalg.norm(d):
+        raise ValueError("the heading is along the normal; a direction with a part along the surface is accepted")
+    tangent = tangent / size
+    tangent = tangent - (n @ tangent) * n  # once more, for directions that are nearly along n
+    return tangent / np.linalg.norm(tangent)
+
+
+def any_tangent(n: Array) -> Array:
+    """Return some unit tangent (3,) at the unit vector n."""
+    return make_tangent(n, np.eye(3)[np.argmin(np.abs(n))])
+
+
+def split_start(tip_radius: float, object_radius: float, X_OF_start: ArrayLike) -> tuple[Array, Array]:
+    """Return the tip's rotation (3, 3) and the outward normal (3,) of the contact; raises ValueError without contact."""
+    X = np.asarray(X_OF_start, dtype=np.float64)
+    reach, distance = tip_radius + object_radius, float(np.linalg.norm(X[:3, 3]))
+    if not abs(distance - reach) <= _TOUCHING * reach:
+        raise ValueError(
+            f"the tip's centre is {1e3 * distance:.4g} mm from the ball's; {1e3 * reach:.4g} mm touches, 1 % off is accepted"
+        )
+    return X[:3, :3], X[:3, 3] / distance
+
+
+def _roll_legs(
+    tip_radius: float,
+    object_radius: float,
+    X_OF_start: ArrayLike,
+    axes: Sequence[Array],
+    lengths: Sequence[float],
+    samples: int,
+    R_OF: Array,
+) -> RollingPath:
+    """Return the path of legs about axes (3,) in O, each perpendicular to the normal where it starts."""
+    if any(length < 0.0 for length in lengths):
+        raise ValueError(f"leg lengths are {lengths} m; lengths that are not negative are accepted")
+    _, n = split_start(tip_radius, object_radius, X_OF_start)
+    total = max(float(np.sum(lengths)), 1e-300)
+    normals, turns, rolled, corners = [n[None]], [R_OF[None]], [np.zeros(1)], [0]
+    for axis, length in zip(axes, lengths, strict=True):
+        count = max(1, round((samples - 1) * length / total))
+        s = length * np.arange(1, count + 1) / count
+        normals.append(build_turn(axis, s / object_radius) @ n)
+        turns.append(build_turn(axis, s / object_radius + s / tip_radius) @ R_OF)
+        rolled.append(rolled[-1][-1] + s)
+        corners.append(corners[-1] + count)
+        n, R_OF = normals[-1][-1], turns[-1][-1]
+    n_O, R = np.concatenate(normals), np.concatenate(turns)
+    n_F = -np.einsum("kji,kj->ki", R, n_O)
+    X = np.zeros((len(n_O), 4, 4))
+    X[:, :3, :3], X[:, :3, 3], X[:, 3, 3] = R, (tip_radius + object_radius) * n_O, 1.0
+    return RollingPath(
+        n_O=n_O,
+        n_F=n_F,
+        X_OF=X,
+        p_O=object_radius * n_O,
+        p_F=tip_radius * n_F,
+        length=np.concatenate(rolled),
+        corners=np.array(corners),
+    )
+
+
+def _axis_angle(R: Array) -> tuple[Array, Array]:
+    """Return unit axes (..., 3) and angles (...) [rad] of rotations by clearly less than half a turn."""
+    twice = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
+    size = np.linalg.norm(twice, axis=-1)
+    angle = np.arctan2(size, np.trace(R, axis1=-2, axis2=-1) - 1.0)
+    axis = twice / np.where(size > 0.0, size, 1.0)[..., None]
+    return np.where(size[..., None] > 0.0, axis, [0.0, 0.0, 1.0]), angle
