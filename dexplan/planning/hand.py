@@ -66,6 +66,8 @@ class HandModel:
     normal_force: float = 5.0
     hover: float = 0.008
     acceleration: float = 2.8
+    tip_polar_limit: float = float(np.radians(80.0))
+    """Largest angle between a tip's pole and its contact on the tip [rad]."""
 
     @cached_property
     def p_WF_home(self) -> Array:

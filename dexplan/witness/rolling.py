@@ -1,0 +1,184 @@
+"""One fingertip rolls on the held ball, in MuJoCo, while the others hold: trials and what they measured.
+
+A trial is an ordinary run: a plan of hold, roll, hold, followed by the controller and judged by the validator.  What is measured
+here besides is the geometry of rolling: where the contact and the tip ended against where the theory says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dexplan import pipeline
+from dexplan.planning.hand import HandModel
+from dexplan.planning.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
+from dexplan.planning.roll import Roll
+from dexplan.planning.roll_gait import end_placement, follow_roll
+from dexplan.problems.problem import Problem
+from dexplan.problems.read import load_problem
+from dexplan.sim.replay import replay
+from dexplan.sim.trace import Trace
+from dexplan.sim.validate import ValidationReport
+from dexplan.spatial import Array, build_frame
+
+START_DEG = ((-38.0, 0.0), (102.0, 0.0), (212.0, 0.0))
+"""Two fingers hold the ball; the third stands midway between them on the far side and rolls."""
+ROLLING_FINGER = 2
+
+
+@dataclass(frozen=True)
+class RollTrial:
+    """What one trial measured; angles in degrees, lengths in millimetres.
+
+    ``verdict`` of the validator and its ``failures``; ``net_mm`` how far the contact came on the ball along the straight way
+    from start to end, ``net_planned_mm`` by theory; ``spin_deg`` the tip's turn about the contact normal relative to parallel
+    transport, ``spin_planned_deg``; ``contact_error_deg`` the largest distance of the contact from its planned way;
+    ``slip_mm`` the length of the contact's sliding, ``rolled_mm`` of its way; ball errors over the whole run.
+    """
+
+    heading_deg: float
+    verdict: str
+    failures: tuple[str, ...]
+    net_mm: float
+    net_planned_mm: float
+    spin_deg: float
+    spin_planned_deg: float
+    contact_error_deg: float
+    slip_mm: float
+    rolled_mm: float
+    ball_mm: float
+    ball_deg: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the trial as JSON data."""
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
+
+
+def build_roll_problem(profile: str = "firm", **changes: object) -> Problem:
+    """Return the problem of holding the ball still with all three fingers; ``changes`` as in ``load_problem``."""
+    return load_problem(
+        "hold_three",
+        {"start.contacts_deg": [list(c) for c in START_DEG], "control.physics_profile": profile, **changes},
+    )
+
+
+def compute_heading(placement: Placement, heading: float) -> Array:
+    """Return the direction (3,) in object axes that makes ``heading`` [rad] with the contact frame's first tangent."""
+    R = build_frame(-placement.normal_O)
+    return np.asarray(np.cos(heading) * R[:, 0] + np.sin(heading) * R[:, 1])
+
+
+def build_roll_plan(problem: Problem, legs: Sequence[Roll]) -> tuple[Plan | None, str]:
+    """Return the plan that holds, rolls one finger leg by leg and holds; or None and why the finger cannot follow."""
+    hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
+    plan = pipeline.plan(problem)
+    if not plan.is_solved:
+        return None, plan.reason
+    first, last = plan.actions[0], plan.actions[-1]
+    contacts, actions = list(plan.start_contacts), [first]
+    for leg in legs:
+        before = contacts[leg.finger]
+        assert before is not None
+        q, refusal = follow_roll(hand, plan.X_WO_start, leg, before.q)
+        refusal = refusal or _find_clash(hand, plan.X_WO_start, contacts, leg, q)
+        if refusal:
+            return None, refusal
+        contacts[leg.finger] = end_placement(leg, before, q[-1])
+        actions.append(_build_action(first, tuple(contacts), leg))
+    actions.append(replace(last, contacts_end=tuple(contacts)))
+    return replace(plan, actions=tuple(actions), status=SOLVED), ""
+
+
+def _find_clash(hand: HandModel, X_WO: Array, contacts: list[Placement | None], leg: Roll, q: Array) -> str:
+    """Return which bodies come too near on the way, "" if none do."""
+    posture = hand.q_home
+    touching = tuple(c.finger for c in contacts if c is not None)
+    for c in contacts:
+        if c is not None:
+            posture[c.finger] = c.q
+    for row in q:
+        posture[leg.finger] = row
+        clearance, names = hand.probe.compute_clearance(posture, X_WO, touching)
+        if clearance < hand.limits.clearance:
+            return f"{names} come within {1e3 * clearance:.1f} mm"
+    return ""
+
+
+def _build_action(hold: Action, contacts: tuple[Placement | None, ...], leg: Roll) -> Action:
+    return replace(
+        hold,
+        kind="roll",
+        contacts_end=contacts,
+        phases=(PlannedPhase("roll", (MUST,) * len(contacts)),),
+        why="a trial of rolling",
+        rolls=(leg,),
+    )
+
+
+def run_trial(problem: Problem, plan: Plan, heading_deg: float) -> tuple[RollTrial, Trace, ValidationReport]:
+    """Simulate and judge ``plan`` and measure how its finger rolled."""
+    trace = pipeline.rollout(problem, plan)
+    report = pipeline.validate(problem, plan, trace)
+    return measure_trial(plan, trace, report, heading_deg), trace, report
+
+
+def measure_trial(plan: Plan, trace: Trace, report: ValidationReport, heading_deg: float) -> RollTrial:
+    """Return what a run of one rolling finger shows, from a replay of its controls."""
+    legs = [roll for action in plan.actions for roll in action.rolls]
+    finger, steps = legs[0].finger, int(trace["physics_steps_per_sample"])
+    seen = replay(trace.model_xml, trace["initial_state"], trace["ctrl"], steps)
+    R_WO = Rotation.from_quat(seen.object_pose[:, 3:], scalar_first=True)
+    R_OF = (R_WO.inv() * Rotation.from_matrix(seen.tip_rotation[:, finger])).as_matrix()
+    rolls = np.flatnonzero([bool(a.rolls) for a in plan.actions])
+    samples = np.flatnonzero(np.isin(trace["action_index"], rolls))
+    points = seen.contact_point_O[:, finger]
+    normals = points / np.linalg.norm(points, axis=1, keepdims=True)
+    radius = float(np.linalg.norm(points[samples[0]]))
+    slip = np.linalg.norm(seen.contact_slip_velocity[samples, finger, :2], axis=1)
+    way = np.linalg.norm(np.diff(points[samples], axis=0), axis=1)
+    tick = float(trace["time"][1] - trace["time"][0])
+    first, last = samples[0], samples[-1]
+
+    def value(name: str) -> float:
+        found = report[name].value
+        return float("nan") if found is None else found
+
+    return RollTrial(
+        heading_deg=heading_deg,
+        verdict=report.verdict,
+        failures=tuple(check.name for check in report.failures),
+        net_mm=1e3 * radius * _angle(normals[first], normals[last]),
+        net_planned_mm=1e3 * radius * _angle(legs[0].normal_O[0], legs[-1].normal_O[-1]),
+        spin_deg=_measure_spin(normals[first], R_OF[first], normals[last], R_OF[last]),
+        spin_planned_deg=_measure_spin(
+            legs[0].normal_O[0], legs[0].X_OF[0, :3, :3], legs[-1].normal_O[-1], legs[-1].X_OF[-1, :3, :3]
+        ),
+        contact_error_deg=value("roll_path_error_max"),
+        slip_mm=1e3 * tick * float(slip.sum()),
+        rolled_mm=1e3 * float(way.sum()),
+        ball_mm=value("position_error_max"),
+        ball_deg=value("rotation_error_max"),
+    )
+
+
+def _angle(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def _measure_spin(n_first: Array, R_first: Array, n_last: Array, R_last: Array) -> float:
+    """Return the tip's turn [deg] about the outward normal beyond parallel transport along the straight way.
+
+    Transport turns n_first into n_last the short way; what is left of the tip's rotation is a tilt of the contact on the tip,
+    if there is one, and a spin about the normal: the twist of the rest about ``n_last``.
+    """
+    axis = np.cross(n_first, n_last)
+    transport = Rotation.from_rotvec(axis / max(float(np.linalg.norm(axis)), 1e-15) * _angle(n_first, n_last))
+    rest = (Rotation.from_matrix(R_last) * (transport * Rotation.from_matrix(R_first)).inv()).as_quat(
+        scalar_first=True
+    )
+    turn = 2.0 * float(np.arctan2(rest[1:] @ n_last, rest[0]))
+    return float(np.degrees((turn + np.pi) % (2.0 * np.pi) - np.pi))
