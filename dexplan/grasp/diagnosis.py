@@ -44,13 +44,11 @@ class Diagnosis(NamedTuple):
 
 
 class Relaxed(NamedTuple):
-    """Amounts (k,) by which rows were widened, per group the largest, x (n,), and the rows' multipliers (k,): which bounds
-    stand in the way, positive for upper ones."""
+    """Per group the largest widening, of each row (k,) what its contact was granted, and x (n,) that keeps within it."""
 
     amounts: dict[str, float]
     widened: Array
     x: Array
-    multipliers: Array
 
 
 def relax(program: Program, rows: ForceRows, names: Sequence[str]) -> Relaxed | None:
@@ -76,20 +74,22 @@ def relax(program: Program, rows: ForceRows, names: Sequence[str]) -> Relaxed | 
             -np.concatenate([loose[above], loose[below]]),
         ]
     )
+    # Nothing makes a contact pull, whatever limits give way.
+    free: list[tuple[float | None, None]] = [(None, None)] * size
+    for index in rows.normal:
+        free[index] = (0.0, None)
     answer = linprog(
         np.concatenate([np.zeros(size), np.ones(count), np.full(len(owners), _SECOND)]),
         A_ub=np.vstack([bounds, np.column_stack([np.zeros((len(owners), size)), ceiling])]),
         b_ub=np.concatenate([upper[above], -lower[below], np.zeros(len(owners))]),
-        bounds=[(None, None)] * size + [(0.0, None)] * (count + len(owners)),
+        bounds=free + [(0.0, None)] * (count + len(owners)),
+        options={"presolve": False},  # takes longer than it saves on programs this small
     )
     if answer.status != 0:
         return None
-    price, multipliers = -answer.ineqlin.marginals, np.zeros(len(A))
-    multipliers[above] += price[: len(above)]
-    multipliers[below] -= price[len(above) : len(bounds)]
     amounts = dict(zip(names, answer.x[size : size + count].tolist(), strict=True))
     widened = (loose > 0.0) @ answer.x[size + count :]
-    return Relaxed(amounts, widened, answer.x[:size], multipliers)
+    return Relaxed(amounts, widened, answer.x[:size])
 
 
 def diagnose(rows: ForceRows) -> Diagnosis:
@@ -112,11 +112,11 @@ def diagnose(rows: ForceRows) -> Diagnosis:
             if answer is not None:
                 found = [answer]
                 break
-    cures = tuple(tuple(_describe(rows, answer)) for answer in found)
+    cures = tuple(tuple(_describe(rows, program, answer)) for answer in found)
     return Diagnosis(tuple(cure for cure in cures if cure), nearest)
 
 
-def _describe(rows: ForceRows, answer: Relaxed) -> list[Loosening]:
+def _describe(rows: ForceRows, program: Program, answer: Relaxed) -> list[Loosening]:
     needed = []
     for name, amount in answer.amounts.items():
         if amount < _NOTHING:
@@ -125,11 +125,11 @@ def _describe(rows: ForceRows, answer: Relaxed) -> list[Loosening]:
             needed.append(Loosening(name, amount, "N"))
             continue
         part = rows.groups[name]
-        price = answer.multipliers[part]
-        must = answer.widened[part] > _NOTHING
+        # The x found is the witness that widening just these is enough.
+        value, must = program.A[part] @ answer.x, answer.widened[part] > _NOTHING
         contacts = tuple(int(i) for i in np.unique(rows.contact[part][must]))
-        sides = {"upper"} if (price[must] > 1e-9).any() else set()
-        sides |= {"lower"} if (price[must] < -1e-9).any() else set()
+        sides = {"upper"} if (value - program.upper[part] > _NOTHING).any() else set()
+        sides |= {"lower"} if (program.lower[part] - value > _NOTHING).any() else set()
         bound = "both" if len(sides) == 2 else "".join(sides)
         unit, scale = ("N m", rows.settings.reach) if name == "joint torque" else ("N", 1.0)
         needed.append(Loosening(name, amount * scale, unit, contacts, bound))
@@ -152,11 +152,11 @@ def explain(cures: Sequence[Sequence[Loosening]], length: float) -> str:
 
 
 def _phrase(item: Loosening, length: float) -> str:
-    where = f" ({_BOUNDS[item.group, item.bound]}contact{'s' if len(item.contacts) > 1 else ''} "
-    where += f"{', '.join(map(str, item.contacts))})"
     if item.group == "wrench":
         return f"another wrench, by {item.amount:.3g} N and {item.amount * length:.3g} N m,"
-    return _PHRASES[item.group].format(item.amount) + where
+    noun = "contacts" if len(item.contacts) > 1 else "contact"
+    where = f"{_BOUNDS[item.group, item.bound]}{noun} {', '.join(map(str, item.contacts))}"
+    return f"{_PHRASES[item.group].format(item.amount)} ({where})"
 
 
 _PHRASES = {

@@ -78,7 +78,7 @@ class ForceSolver:
         wrench_tolerance: half width [N] of the band around the wrench (torque: times ``length``), or 0.
         tolerance: OSQP's absolute and relative tolerance [N].
         max_iterations: when an exact method takes over from OSQP.
-        exchanges: rounds of exchanging active rows before OSQP; 0 leaves all to OSQP.
+        exchanges: linear systems that may be solved in search of the active rows before OSQP; 0 leaves all to OSQP.
     """
 
     def __init__(
@@ -94,13 +94,13 @@ class ForceSolver:
         wrench_tolerance: float = 0.0,
         tolerance: float = 1e-6,
         max_iterations: int = 400,
-        exchanges: int = 15,
+        exchanges: int = 40,
     ) -> None:
         self.settings = ForceSettings(
             tuple(models), length, reach, normal_weight, friction_weight, smoothness, wrench_tolerance
         )
         self.models = self.settings.models
-        self._joints, self._tolerance = joints_per_finger, tolerance
+        self._joints, self._tolerance, self._exchanges = joints_per_finger, tolerance, exchanges
         self._rows = ForceRows(self.settings, joints_per_finger)
         self._size = len(self._rows.p)
         self._active = ActiveRows(self._rows.fixed, exchanges)
@@ -188,7 +188,10 @@ class ForceSolver:
             self._last = None
         status, y, method, iterations = self._iterate(program, problem)
         if status == "solved":
-            return self._as_solution(y * rows.root, status, problem, (), method, iterations)
+            # OSQP knows the active rows long before it knows the forces.
+            sharp = self._active.solve(rows.D, rows.aim, rows.lower, rows.upper) if self._exchanges else None
+            x = y * rows.root if sharp is None else sharp.x
+            return self._as_solution(x, status, problem, (), method, iterations)
         # Find out why there is no solution; if there should be one, start OSQP afresh.
         self._forget()
         cures, nearest = diagnose(rows)
