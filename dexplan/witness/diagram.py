@@ -15,7 +15,16 @@ import numpy as np
 
 from dexplan.witness import experiments
 from dexplan.witness.experiments import EXPERIMENTS, Experiment, compute_load_aware, run
-from dexplan.witness.outcome import JUDGED_MOVED, JUDGED_TURNED, MOVED, SLID, TURNED, Kind, Outcome
+from dexplan.witness.outcome import (
+    HARD_TORSION,
+    JUDGED_MOVED,
+    JUDGED_TURNED,
+    MOVED,
+    SLID,
+    TURNED,
+    Kind,
+    Outcome,
+)
 
 FRICTIONS = (0.3, 0.5, 0.8)
 """Friction coefficients at which agreement is demanded."""
@@ -65,6 +74,11 @@ class GridPoint:
     margin: float
     outcome: Outcome | None
 
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the hand held where the margin is positive and only there; None where it could not be tried."""
+        return None if self.outcome is None else (self.outcome.kind is Kind.HOLD) == (self.margin > 0.0)
+
 
 @dataclass(frozen=True)
 class CurvePoint:
@@ -85,6 +99,11 @@ class PhaseDiagram:
     grid: tuple[GridPoint, ...]
     settings: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def misses(self) -> tuple[GridPoint, ...]:
+        """Points of the picture that were tried and did not do what the sign of their load margin says."""
+        return tuple(point for point in self.grid if point.agrees is False)
+
     def as_json(self) -> dict[str, Any]:
         """Return the diagram as plain data, ``format`` 1."""
         return {
@@ -92,7 +111,7 @@ class PhaseDiagram:
             "settings": self.settings,
             "boundaries": [{**asdict(b), "is_within": b.is_within} for b in self.boundaries],
             "curves": [asdict(point) for point in self.curves],
-            "grid": [asdict(point) for point in self.grid],
+            "grid": [{**asdict(point), "agrees": point.agrees} for point in self.grid],
         }
 
 
@@ -218,7 +237,7 @@ def describe_settings() -> dict[str, Any]:
         "object_mass_kg": experiments.MASS,
         "preload_N": experiments.PRELOAD,
         "torsional_over_sliding_m": experiments.PATCH,
-        "torsional_hard_m": experiments.HARD_TORSION,
+        "torsional_hard_m": HARD_TORSION,
         "nudge_N": experiments.NUDGE,
         "hold_moved_mm": 1e3 * MOVED,
         "hold_turned_deg": math.degrees(TURNED),

@@ -20,7 +20,7 @@ from dexplan.grasp.grasp import Grasp, contact_on_sphere
 from dexplan.scene.library import load_scene
 from dexplan.sim.replay import replay
 from dexplan.spatial import GRAVITY, Array, direction_from_angles
-from dexplan.witness.outcome import Outcome, classify
+from dexplan.witness.outcome import HARD_TORSION, Outcome, classify
 from dexplan.witness.stance import solve_stance
 
 RADIUS, MASS = 0.035, 0.060
@@ -29,8 +29,6 @@ PRELOAD = 10.0
 """Mean normal force [N]."""
 PATCH = 0.0025 / 0.55
 """Torsional over sliding friction of a soft finger [m]: mu_t = (3 pi / 16) mu a for one patch radius a (Hertz)."""
-HARD_TORSION = 1e-5
-"""Torsional friction [m] that makes a fingertip a hard finger: the least that MuJoCo knows."""
 MIDDLE_DEG = 60.0
 """Azimuth midway between the two fingers of a pair: between the bases of fingers 1 and 2."""
 
@@ -103,7 +101,7 @@ def compute_load_aware(experiment: Experiment, mu: float) -> float:
 
 
 def run(experiment: Experiment, mu: float, x: float, believed: float | None = None) -> Outcome | None:
-    """Return what the simulated hand does at ``x``, or None where no posture reaches it with the servos' torques.
+    """Return what the simulated hand does at ``x``, or None where no posture reaches it clear of the rest with its torques.
 
     ``mu`` is the world's friction; ``believed`` (default: the same) the one for which the forces are chosen.
     """

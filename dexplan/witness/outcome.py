@@ -22,6 +22,12 @@ JUDGED_MOVED, JUDGED_TURNED = 3e-3, np.radians(10.0)
 """How a grasp gave way is judged when the object has moved this far [m] or turned this much [rad]: later it may be anywhere."""
 
 
+LOST_SAMPLES = 3
+"""A contact that is missing in this many samples on end is lost; a tip that slides fast may bounce for one."""
+HARD_TORSION = 1e-5
+"""Torsional friction [m] of a hard finger: the least that MuJoCo knows.  Torque about the normal then uses no friction."""
+
+
 class Kind(StrEnum):
     """How a grasp gave way, if it did; :func:`classify` says when it is which."""
 
@@ -61,10 +67,10 @@ def classify(replay: Replay, holding: Sequence[int], first: int = 0) -> Outcome:
     slid by more than 0.1 mm at the limit of its friction cone.  Otherwise the grasp gave way.  How is judged when the object
     has moved by 3 mm or turned by 10 degrees, or at the end if it never did:
 
-    - **drop**: a holding finger does not touch any more: the object was pushed out, or fell;
-    - **spin**: of two fingers: the object turned about the chord between its contacts by a longer way at its surface
-      (radius times angle) than any contact slid over it;
-    - **slip**: contacts slid over the object and still touch it.
+    - **drop**: a holding finger has not touched for three samples: the object was pushed out, or fell;
+    - **spin**: of two fingers: turning on a fingertip at the limit of friction, the object turned about the chord between
+      its contacts by at least 1 degree and a longer way at its surface (radius times angle) than any contact slid over it;
+    - **slip**: contacts slid over the object and still touch it (or, with next to no slid way, the servos gave way).
     """
     holding = list(holding)
     world, pose = replay.world, replay.object_pose[first:]
@@ -74,10 +80,15 @@ def classify(replay: Replay, holding: Sequence[int], first: int = 0) -> Outcome:
     friction = replay.contact_settings[0] if replay.contact_settings else (1.0, 1.0, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         tangential = np.hypot(force[..., 0], force[..., 1]) / friction[0]
-        used = np.hypot(tangential, force[..., 3] / friction[2]) / force[..., 2]
+        torsional = force[..., 3] / friction[2] if friction[2] > HARD_TORSION else 0.0
+        used = np.hypot(tangential, torsional) / force[..., 2]
     period = float(np.median(np.diff(replay.time)))
     sliding = np.where(active & (used >= AT_LIMIT), np.hypot(slip[..., 0], slip[..., 1]), 0.0)
     slid = np.cumsum(sliding, axis=0).max(axis=1) * period
+    spun = (
+        np.cumsum(np.where(active & (used >= AT_LIMIT), np.abs(slip[..., 2]), 0.0), axis=0).max(axis=1)
+        * period
+    )
     moved = np.linalg.norm(pose[:, :3] - pose[0, :3], axis=1)
     attitude = Rotation.from_quat(pose[:, 3:], scalar_first=True)
     vectors: Array = (attitude * attitude[0].inv()).as_rotvec()
@@ -94,9 +105,11 @@ def classify(replay: Replay, holding: Sequence[int], first: int = 0) -> Outcome:
     judged = int(np.argmax(far)) if far.any() else len(pose) - 1
     if held.all():
         kind = Kind.HOLD
-    elif not active[judged].all():
+    elif not active[max(judged - LOST_SAMPLES + 1, 0) : judged + 1].any(axis=0).all():
         kind = Kind.DROP
-    elif turned[: judged + 1].max() * world.object_radius > slid[judged]:
+    elif (
+        spin := min(turned[: judged + 1].max(), spun[judged])
+    ) >= TURNED and spin * world.object_radius > slid[judged]:
         kind = Kind.SPIN
     else:
         kind = Kind.SLIP

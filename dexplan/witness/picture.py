@@ -39,7 +39,7 @@ def draw_diagram(diagram: PhaseDiagram, path: str | os.PathLike[str]) -> Path:
     figure = Figure(figsize=(15.0, 12.4), dpi=100, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     panels = figure.add_gridspec(
-        2, 2, left=0.06, right=0.985, top=0.845, bottom=0.055, hspace=0.24, wspace=0.16
+        2, 2, left=0.06, right=0.985, top=0.84, bottom=0.055, hspace=0.24, wspace=0.16
     )
     for k, experiment in enumerate(EXPERIMENTS):
         _draw_panel(
@@ -59,11 +59,11 @@ def draw_diagram(diagram: PhaseDiagram, path: str | os.PathLike[str]) -> Path:
     )
     figure.text(
         0.06,
-        0.942,
+        0.934,
         f"Three fingers of six joints, servos with force limits, gravity; a {1e3 * settings['object_mass_kg']:.0f} g ball of "
         f"{1e3 * settings['object_radius_m']:.0f} mm, mean normal force {settings['preload_N']:.0f} N, "
-        f"soft fingers mu_t = mu x {1e3 * settings['torsional_over_sliding_m']:.2f} mm.  Servo commands are worked out "
-        "beforehand, no controller.",
+        f"soft fingers μ_t = μ × {1e3 * settings['torsional_over_sliding_m']:.2f} mm.\n"
+        "Each servo's command is worked out beforehand from posture, weight and wanted contact forces; no controller.",
         fontsize=10.5,
     )
     keys = [
@@ -81,7 +81,7 @@ def draw_diagram(diagram: PhaseDiagram, path: str | os.PathLike[str]) -> Path:
         Line2D([], [], marker=".", color=OUT_OF_REACH, linestyle="", label="beyond servos or joints"),
     ]  # fmt: skip
     figure.legend(
-        handles=keys, loc="upper left", bbox_to_anchor=(0.052, 0.932), ncols=5, frameon=False, fontsize=9.5,
+        handles=keys, loc="upper left", bbox_to_anchor=(0.052, 0.927), ncols=5, frameon=False, fontsize=9.5,
         columnspacing=1.6, handletextpad=0.6,
     )  # fmt: skip
     return _write(canvas, path)
@@ -118,7 +118,7 @@ def _draw_panel(
     unit = UNITS[experiment.unit]
     note = _describe_agreement(experiment, boundaries, unit)
     ax.set_title(f"{experiment.title}\n{note}", fontsize=11, loc="left")
-    ax.set_xlabel("friction coefficient mu [–]", fontsize=10)
+    ax.set_xlabel("friction coefficient μ [–]", fontsize=10)
     ax.set_ylabel(f"{experiment.quantity} [{experiment.unit}]", fontsize=10)
     low, high = experiment.span
     room = 0.05 * (high - low)
@@ -165,7 +165,7 @@ def draw_lifted(cases: Sequence[LiftedFinger], path: str | os.PathLike[str]) -> 
         fontsize=11,
     )
     panels = figure.add_gridspec(
-        1, 2, left=0.06, right=0.98, top=0.83, bottom=0.09, wspace=0.12, width_ratios=[1.55, 1.0]
+        1, 2, left=0.06, right=0.98, top=0.80, bottom=0.09, wspace=0.22, width_ratios=[1.6, 1.0]
     )
     _draw_margins(figure.add_subplot(panels[0, 0]), cases)
     _draw_table(figure.add_subplot(panels[0, 1]), cases)
@@ -257,12 +257,12 @@ def _draw_table(ax: Axes, cases: Sequence[LiftedFinger]) -> None:
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
     ax.set_ylabel("predicted", fontsize=10.5)
-    ax.set_title("observed", fontsize=10.5, pad=8)
+    ax.set_title("observed", fontsize=10.5, pad=10)
     ax.text(
         0.0,
         len(rows) + 0.15,
-        f"Grasps whose margins are clear of zero by {BAND:g}; the others are listed in lifted_fingers.json.\n"
-        "A chord outside the cones lets tips slide: slip and drop are the same prediction.",
+        f"Grasps whose margins are clear of zero by {BAND:g};\nthe others are listed in lifted_fingers.json.\n"
+        "A chord outside the cones lets tips slide:\nslip and drop are the same prediction.",
         fontsize=9,
         va="top",
         color="#555555",

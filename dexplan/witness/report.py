@@ -42,6 +42,16 @@ def main(arguments: Sequence[str] | None = None, description: str | None = None)
     _write_json(asked.out / "phase_diagram.json", diagram.as_json())
     draw_diagram(diagram, asked.out / "phase_diagram.png")
     print(tabulate(diagram.boundaries))
+    tried = [point for point in diagram.grid if point.agrees is not None]
+    print(
+        f"{len(tried) - len(diagram.misses)} of {len(tried)} points of the picture do what the sign of their load margin says; "
+        f"{len(diagram.grid) - len(tried)} are beyond the servos' torques or the joints' ranges"
+    )
+    for point in diagram.misses:
+        seen = point.outcome.kind if point.outcome else "nothing"
+        print(
+            f"  {point.experiment} at mu {point.mu:g}, {point.x:.4g}: margin {point.margin:+.4f}, seen {seen}"
+        )
     print(f"{diagram.settings['run_time_s']:.0f} s\n")
     begin = time.perf_counter()
     count = asked.grasps or (COARSE_GRASPS if asked.coarse else GRASPS)

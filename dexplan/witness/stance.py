@@ -11,8 +11,10 @@ inside the friction cones, this is an equilibrium of the whole hand; if they do 
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -35,6 +37,8 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 JOINT_MARGIN = 0.05
 """Room to the joint limits [rad] that a posture must leave."""
 FIRST_DEPTH = 2e-4
+CLEARANCE = 2e-3
+"""Whatever is not to touch stays this far away [m]."""
 TILTS_DEG = (12.5, 25.0, 37.5, 50.0, 62.5)
 """How far the tip's pole may stand off the contact: the line of force can then pass near the wrist."""
 
@@ -89,10 +93,14 @@ def solve_stance(scene: Scene, directions: Mapping[int, Array], forces: Array) -
     X_WO = scene.object.X_WO_home
     q = np.stack([finger.q_home for finger in scene.fingers])
     for k, i in enumerate(fingers):
-        found = _choose_posture(scene, i, directions[i], forces[:, k])
-        if found is None:
+        # Those that are still to be placed will not stay at home.
+        waiting = set(fingers[k + 1 :])
+        for candidate in _rank_postures(scene, i, directions[i], forces[:, k]):
+            q[i] = candidate
+            if _stands_clear(scene, q, waiting):
+                break
+        else:
             return None
-        q[i] = found
     data = mujoco.MjData(scene.model)
     depth = np.full(len(fingers), FIRST_DEPTH)
     tips = [compute_tip_pose(scene.fingers[i].chain, q[i]) for i in fingers]
@@ -127,14 +135,12 @@ def _object_radius(scene: Scene) -> float:
     return float(np.linalg.norm(scene.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
 
 
-def _choose_posture(scene: Scene, finger: int, direction: Array, forces: Array) -> Array | None:
-    """Return the posture (J,) that touches at ``direction`` with the least torque for ``forces`` (M, 4), or None."""
+def _rank_postures(scene: Scene, finger: int, direction: Array, forces: Array) -> Array:
+    """Return postures (K, J) that touch at ``direction``, those first that need the least torque for ``forces`` (M, 4)."""
     tip = scene.fingers[finger]
     distance = _object_radius(scene) + tip.tip_radius
     center = scene.object.X_WO_home[:3, 3] + distance * direction
     q = _reach(tip.chain, tip.q_home, center, direction)
-    if not len(q):
-        return None
     jacobians = compute_tip_jacobian(tip.chain, q)
     # On the object: R f, and the torque about the tip's centre of a force at the contact, plus torsion about the normal.
     R = build_frame(-direction)
@@ -142,8 +148,37 @@ def _choose_posture(scene: Scene, finger: int, direction: Array, forces: Array) 
     turns = np.cross(-tip.tip_radius * direction, pushes) + forces[:, 3:] * R[:, 2]
     torques = np.einsum("nij,mi->nmj", jacobians, np.concatenate([pushes, turns], axis=1))
     share = (np.abs(torques) / tip.torque_limit).max(axis=(1, 2))
-    best: Array = q[int(np.argmin(share))]
-    return best
+    ranked: Array = q[np.argsort(share)]
+    return ranked
+
+
+def _stands_clear(scene: Scene, q: Array, waiting: set[int]) -> bool:
+    """Whether at ``q`` (F, J) only fingertips are near the object, and no finger near another, but for those ``waiting``."""
+    model, owner = _widen(scene)
+    data = mujoco.MjData(model)
+    data.qpos[:] = scene.as_qpos(q, scene.object.X_WO_home)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_collision(model, data)
+    tips = set(scene.tip_geoms.tolist())
+    for first, second in data.contact.geom.tolist() if data.ncon else ():
+        if {owner[first], owner[second]} & waiting:
+            continue
+        is_touch = scene.object_geom in (first, second) and {first, second} & tips
+        if not is_touch:
+            return False
+    return True
+
+
+@lru_cache(maxsize=8)
+def _widen(scene: Scene) -> tuple[mujoco.MjModel, tuple[int, ...]]:
+    """Return the world with every geom reaching out, so that collisions are near misses; and the finger of each geom or -1."""
+    model = copy.deepcopy(scene.model)
+    model.geom_margin[:] = CLEARANCE
+    names = [model.geom(g).name for g in range(model.ngeom)]
+    owner = tuple(
+        next((i for i, f in enumerate(scene.fingers) if name.startswith(f"{f.name}/")), -1) for name in names
+    )
+    return model, owner
 
 
 def _reach(chain: Chain, start: Array, center: Array, direction: Array) -> Array:
