@@ -1,22 +1,25 @@
 """Regions on the object: who can touch where, and who can hold with whom [paper §2.1, §2.2].
 
-On a grid of outward directions: ``CWS_i`` where finger i can touch, ``FC_i`` the points antipodal to some point of ``CWS_i``,
-``CWS_i_j = CWS_i and FC_j``, and the double force-closure region ``CWS_i_jk = CWS_i and FC_j and FC_k``.
+Regions of outward normals, in object axes, at an object pose g_O: ``CWS_i`` where finger i can touch, ``FC_i`` the points
+antipodal to some point of ``CWS_i``, ``CWS_i_j = CWS_i and FC_j``, and the double force-closure region ``CWS_i_jk = CWS_i and
+FC_j and FC_k``.  For a sphere, which looks the same from every side, they depend on the attitude only through the axes they are
+told in: what a finger reaches is computed once per position, friction and attitude are free.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, reduce
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from dexplan.contact.friction import SoftFinger
+from dexplan.contact.shapes import Sphere
+from dexplan.planning.contactable import ContactLimits, compute_contactable
 from dexplan.planning.hand import HandModel
-from dexplan.scene.chain import compute_dexterity, compute_joint_margin
-from dexplan.scene.workspace import compute_aligned_pose, spread_directions
-from dexplan.spatial import Array
+from dexplan.planning.spherical import SphericalRegion, build_cap, build_closure
+from dexplan.scene.description import ContactCone
+from dexplan.spatial import Array, invert_pose, make_pose, read_only
 
 
 def compute_pair_angle_max(friction: SoftFinger) -> float:
@@ -50,60 +53,79 @@ def keeps_order(hand: HandModel, normals: dict[int, Array]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Regions:
-    """Regions of all fingers at one object position, over ``directions`` (N, 3) in W; masks are (F, N).
+    """The regions of all fingers at one object pose ``X_WO`` (4, 4), in object axes.
 
-    ``reach`` is CWS_i with the tip's pole along the normal at some spin, ``closure`` is FC_i.
+    ``contactable[i]`` is CWS_i: finger i touches with the tip's pole along the normal at some spin, within the planner's limits
+    of joint range and dexterity.  ``theta`` [rad] is the largest angle between a normal and a chord that counts as force closed.
     """
 
-    directions: Array
-    reach: NDArray[np.bool_]
-    closure: NDArray[np.bool_]
+    X_WO: Array
+    theta: float
+    contactable: tuple[SphericalRegion, ...]
 
-    def pair(self, i: int, j: int) -> NDArray[np.bool_]:
-        """Return CWS_i_j (N,): where finger i can touch and hold with finger j."""
-        return self.reach[i] & self.closure[j]
+    @property
+    def directions(self) -> Array:
+        """The grid's directions (V, 3) in object axes."""
+        return self.contactable[0].directions
 
-    def double(self, i: int, j: int, k: int) -> NDArray[np.bool_]:
-        """Return the double force-closure region CWS_i_jk (N,)."""
-        return self.reach[i] & self.closure[j] & self.closure[k]
+    @property
+    def phi_min(self) -> float:
+        """Smallest central angle [rad] of a pair that is force closed: 180 deg - 2 theta [paper §3, result 2]."""
+        return float(np.pi - 2.0 * self.theta)
+
+    @cached_property
+    def closure(self) -> tuple[SphericalRegion, ...]:
+        """FC_i of every finger: the points antipodal to some point of CWS_i."""
+        return tuple(
+            build_closure(region, self.theta, f"FC_{i + 1}") for i, region in enumerate(self.contactable)
+        )
+
+    def pair(self, i: int, j: int) -> SphericalRegion:
+        """Return CWS_i_j: where finger i can touch and hold with finger j somewhere."""
+        return (self.contactable[i] & self.closure[j]).named(f"CWS_{i + 1}_{j + 1}")
+
+    def double(self, i: int, j: int, k: int) -> SphericalRegion:
+        """Return the double force-closure region CWS_i_jk: where finger i can hold with j and also with k."""
+        return (self.contactable[i] & self.closure[j] & self.closure[k]).named(f"CWS_{i + 1}_{j + 1}{k + 1}")
 
 
-def compute_regions(hand: HandModel, center: Array, count: int = 4000) -> Regions:
-    """Return the regions around an object at ``center`` (3,) [m] on a grid of ``count`` directions."""
-    directions = spread_directions(count)
-    beta = compute_pair_angle_max(hand.friction)
-    reach = np.zeros((len(hand.fingers), count), dtype=bool)
-    closure = np.zeros_like(reach)
+def compute_regions(
+    hand: HandModel,
+    X_WO: Array,
+    *,
+    X_WP: Array | None = None,
+    theta: float | None = None,
+    allowed: tuple[ContactCone, ...] = (),
+) -> Regions:
+    """Return the regions of ``hand`` around its object at the pose ``X_WO`` (4, 4), or upright at a position (3,) [m].
+
+    ``X_WP`` (4, 4) is the palm's pose (the hand's own axes by default); only where the object is in the palm matters.  ``theta``
+    [rad] defaults to atan mu of the believed friction.  ``allowed`` cones on the object cut CWS_i to where contacts may be made.
+    Raises ValueError for an object that is not a sphere: on others the antipodal point of x is not -x, and attitude matters.
+    """
+    surface = hand.object.surface
+    if not isinstance(surface, Sphere):
+        raise ValueError(f"regions of a {type(surface).__name__} are not built yet; a Sphere is accepted")
+    X_WO = make_pose(p=X_WO) if np.shape(X_WO) == (3,) else np.asarray(X_WO, dtype=np.float64)
+    X_PO = X_WO if X_WP is None else invert_pose(np.asarray(X_WP)) @ X_WO
+    limits = ContactLimits(hand.limits.joint_margin, hand.limits.dexterity)
+    # Positions that agree to a tenth of a nanometre share one computation.
+    x, y, z = (float(v) for v in np.round(X_PO[:3, 3], 10) + 0.0)
+    R_GO = read_only(X_PO[:3, :3])
+    cones = [build_cap(cone.axis_O, cone.half_angle, R_GO) for cone in allowed]
+    contactable = []
     for i, (finger, workspace) in enumerate(zip(hand.fingers, hand.workspaces, strict=True)):
-        if not len(workspace.postures):
-            continue
-        radius = float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
-        home = finger.pose_at(finger.q_home)[:3, 3] - center
-        near = directions @ (home / np.linalg.norm(home)) > np.cos(np.radians(85.0))
-        X = compute_aligned_pose(center, directions[near], radius + finger.tip_radius)
-        q, reached = workspace.solve(X)
-        if finger.chain.has_tip_roll:
-            q[:, -1] = 0.5 * (finger.chain.lower[-1] + finger.chain.upper[-1])
-        inside = compute_joint_margin(finger.chain, q) >= hand.limits.joint_margin
-        reach[i, near] = reached & inside & (compute_dexterity(finger.chain, q) >= hand.limits.dexterity)
-        if reach[i].any():
-            # x is in FC_i when -x lies within 2 atan mu of some point of CWS_i.
-            distance, _ = cKDTree(directions[reach[i]]).query(-directions)
-            closure[i] = distance <= 2.0 * np.sin(beta)
-    return Regions(directions, reach, closure)
+        level = compute_contactable(
+            workspace, limits, _home_tip(hand, i), (x, y, z), surface.radius + finger.tip_radius
+        )
+        region = SphericalRegion(level, R_GO, f"CWS_{i + 1}")
+        if cones:
+            region = (region & reduce(SphericalRegion.__or__, cones)).named(f"CWS_{i + 1} where allowed")
+        contactable.append(region)
+    angle = compute_pair_angle_max(hand.friction) if theta is None else theta
+    return Regions(read_only(X_WO), angle, tuple(contactable))
 
 
-def check_theorem_1(regions: Regions, i: int, j: int, k: int, x_i: Array, x_j: Array) -> str:
-    """Check the paper's Theorem 1 for fingers i, j holding at ``x_i``, ``x_j`` (3,) and a free finger k.
-
-    Necessary for any gait: f_i lies in CWS_i_jk or f_j in CWS_j_ik, that is, finger k can form a force-closure grasp with
-    at least one of the holding fingers where it is.  Returns "" where the condition holds, else why no gait is possible.
-    """
-    near_i = int(np.argmax(regions.directions @ x_i))
-    near_j = int(np.argmax(regions.directions @ x_j))
-    if regions.closure[k, near_i] or regions.closure[k, near_j]:
-        return ""
-    return (
-        f"Theorem 1: finger {k + 1} can form a force-closure grasp with neither finger {i + 1} nor finger {j + 1} "
-        "where they are, so neither can be lifted; roll them first"
-    )
+def _home_tip(hand: HandModel, finger: int) -> tuple[float, float, float]:
+    x, y, z = hand.p_WF_home[finger]
+    return float(x), float(y), float(z)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import os
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -29,7 +29,7 @@ from dexplan.scene.chain import (
     wrap_to_limits,
 )
 from dexplan.scene.description import FingerDescription
-from dexplan.spatial import Array, build_frame, invert_pose, make_pose, read_only, rotate_about
+from dexplan.spatial import Array, invert_pose, make_pose, read_only, rotate_about
 
 VERSION = 1
 SPACING = 0.018
@@ -74,8 +74,7 @@ class Workspace:
         if not len(self.postures):
             raise ValueError("the workspace is empty")
         X_WF = np.asarray(X_WF)
-        _, nearest = self._tree.query(np.hstack([X_WF[:, :3, 3] / LENGTH, X_WF[:, :3, 2]]))
-        q = self.postures[nearest].copy()
+        q = self.find_seeds(X_WF[:, :3, 3], X_WF[:, :3, 2])
         if self.chain.has_tip_roll:
             # The seed may point the right way with the wrong spin; the last joint sets that right beforehand.
             R = compute_tip_pose(self.chain, q)[:, :3, :3]
@@ -84,13 +83,34 @@ class Workspace:
         q, reached = solve_ik(self.chain, X_WF, q, iterations=12)
         return wrap_to_limits(self.chain, q), reached
 
+    def find_seeds(self, positions: Array, poles: Array) -> Array:
+        """Return the sampled postures (N, J) nearest to tips at ``positions`` (N, 3) [m] with ``poles`` (N, 3)."""
+        _, nearest = self._tree.query(np.hstack([positions / LENGTH, poles]))
+        return self.postures[nearest].copy()
 
-def load_workspace(finger: FingerDescription, center: Array) -> Workspace:
+    def moved(self, X_WP: Array) -> Workspace:
+        """Return the workspace of the same finger on a palm that stands at ``X_WP`` (4, 4) instead of in W's own axes."""
+        X_WP = np.asarray(X_WP, dtype=np.float64)
+        offsets = self.chain.offsets.copy()
+        offsets[0] = X_WP @ offsets[0]
+        return replace(
+            self,
+            chain=replace(self.chain, offsets=offsets),
+            positions=read_only(self.positions @ X_WP[:3, :3].T + X_WP[:3, 3]),
+            poles=read_only(self.poles @ X_WP[:3, :3].T),
+        )
+
+
+def load_workspace(finger: FingerDescription, center: Array, X_WP: Array | None = None) -> Workspace:
     """Return the finger's workspace around ``center`` (3,) [m], from the cache outside the repository where it is known.
 
-    Fingers that differ only in where they stand around the vertical through ``center`` share one computation.  The key of the
-    cache holds the chain itself, so a changed model is never served with an old workspace.
+    ``X_WP`` (4, 4) is the palm's pose, by default where the chain says: WS_i moves with the palm [paper §2.1].  Fingers that
+    differ only in where they stand around the vertical through ``center`` share one computation.  The key of the cache holds the
+    chain itself, so a changed model is never served with an old workspace.
     """
+    if X_WP is not None:
+        center_P = (invert_pose(np.asarray(X_WP)) @ np.append(center, 1.0))[:3]
+        return load_workspace(finger, center_P).moved(X_WP)
     X_WK = _compute_stand(finger.chain, center)
     offsets = finger.chain.offsets.copy()
     offsets[0] = invert_pose(X_WK) @ offsets[0]
@@ -206,7 +226,18 @@ def spread_directions(count: int) -> Array:
 def compute_aligned_pose(center: Array, directions: Array, distance: float) -> Array:
     """Return tip poses (N, 4, 4) ``distance`` [m] off ``center`` along ``directions`` (N, 3), poles pointing back at it."""
     X = np.zeros((len(directions), 4, 4))
-    X[:, :3, :3] = np.stack([build_frame(-n) for n in directions]) if len(directions) else np.zeros((0, 3, 3))
+    X[:, :3, :3] = _build_frames(-directions)
     X[:, :3, 3] = center + distance * directions
     X[:, 3, 3] = 1.0
     return X
+
+
+def _build_frames(z: Array) -> Array:
+    """Return ``spatial.build_frame`` of many unit vectors (N, 3) at once."""
+    up = np.zeros_like(z)
+    up[:, 2] = 1.0
+    y = up - z[:, 2:] * z
+    flat = (y * y).sum(axis=1) < 1e-12
+    y[flat] = np.array([1.0, 0.0, 0.0]) - z[flat, :1] * z[flat]
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    return np.stack([np.cross(y, z), y, z], axis=-1)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+from functools import reduce
 from itertools import combinations
 from pathlib import Path
 
@@ -19,9 +20,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.spatial import cKDTree
 
 from dexplan.planning.hand import HandModel
+from dexplan.planning.spherical import SphericalRegion
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 from dexplan.viz.palette import ALARM, INK, as_rgb, get_finger_color
 from dexplan.viz.reach import BELOW_DEG, PairLoads, Reach, compute_reach
@@ -48,14 +49,13 @@ def describe_reach(hand: HandModel) -> str:
     ]
     others = [[j for j in range(len(hand.fingers)) if j != i] for i in range(len(hand.fingers))]
     for i, (finger, workspace) in enumerate(zip(hand.fingers, hand.workspaces, strict=True)):
-        area = reach.regions.reach[i].mean()
-        double = np.zeros_like(reach.regions.reach[i])
-        for j, k in combinations(others[i], 2):
-            double |= reach.regions.double(i, j, k)
+        area = reach.regions.contactable[i].area / (4.0 * math.pi)
+        double = [reach.regions.double(i, j, k) for j, k in combinations(others[i], 2)]
+        share = reduce(SphericalRegion.__or__, double).area / (4.0 * math.pi) if double else 0.0
         lines.append(
             f"  {finger.name:<9} {100 * area:4.1f} % {4 * math.pi * area:5.2f} sr   "
             f"{_describe_span(reach, i):<44}"
-            f"{f'{workspace.dextrous_positions} of {workspace.sampled_positions}':<18}{100 * double.mean():4.1f} %"
+            f"{f'{workspace.dextrous_positions} of {workspace.sampled_positions}':<18}{100 * share:4.1f} %"
         )
     lines += [
         "  (any orientation: sampled tip positions that are reached with every pole and any spin)",
@@ -68,10 +68,10 @@ def describe_reach(hand: HandModel) -> str:
 
 
 def _describe_span(reach: Reach, finger: int) -> str:
-    mask = reach.regions.reach[finger]
-    if not mask.any():
+    region = reach.regions.contactable[finger]
+    if region.is_empty:
         return "nothing"
-    azimuth, elevation = angles_from_direction(reach.regions.directions[mask])
+    azimuth, elevation = angles_from_direction(region.directions[region.mask])
     off = _wrap(azimuth - reach.azimuths[finger])
     # Near the poles azimuth says nothing.
     off = off[np.abs(elevation) < 60.0] if (np.abs(elevation) < 60.0).any() else off
@@ -167,23 +167,21 @@ def _draw_map(
     azimuth = np.arange(-180.0 + PIXEL_DEG / 2, 180.0, PIXEL_DEG)
     elevation = np.arange(-90.0 + PIXEL_DEG / 2, 90.0, PIXEL_DEG)
     grid = direction_from_angles(*np.meshgrid(azimuth + middle, elevation))
-    _, nearest = cKDTree(regions.directions).query(grid.reshape(-1, 3))
-    nearest = nearest.reshape(grid.shape[:2])
-    color = get_finger_color(finger)
-    inside = regions.reach[finger].copy()
+    own = regions.contactable[finger].estimate_margin(grid)
+    shown = regions.contactable[finger]
     for partner in partners:
-        inside &= regions.closure[partner]
-    own = regions.reach[finger][nearest].astype(float)
-    picture = np.zeros((*nearest.shape, 4))  # transparent
+        shown = shown & regions.closure[partner]
+    color = get_finger_color(finger)
+    picture = np.zeros((*own.shape, 4))  # transparent
     if not partners:
         # Where a partner of this finger would have to touch.
-        closure = regions.closure[finger][nearest].astype(float)
-        hatch = ax.contourf(azimuth, elevation, closure, [0.5, 1.5], colors="none", hatches=["///"], zorder=1)
+        closure = np.clip(regions.closure[finger].estimate_margin(grid), -1.0, 1.0)
+        hatch = ax.contourf(azimuth, elevation, closure, [0.0, 2.0], colors="none", hatches=["///"], zorder=1)
         hatch.set_edgecolor(HATCH)
         hatch.set_linewidth(0.0)
     else:
-        picture[own > 0.5] = [*as_rgb(LOST), 1.0]
-    picture[inside[nearest]] = [*as_rgb(color), 1.0]
+        picture[own >= 0.0] = [*as_rgb(LOST), 1.0]
+    picture[shown.estimate_margin(grid) >= 0.0] = [*as_rgb(color), 1.0]
     ax.imshow(
         picture,
         extent=(-180.0, 180.0, -90.0, 90.0),
@@ -192,7 +190,7 @@ def _draw_map(
         interpolation="nearest",
         zorder=2,
     )
-    ax.contour(azimuth, elevation, own, [0.5], colors=[INK], linewidths=0.8, zorder=3)
+    ax.contour(azimuth, elevation, own, [0.0], colors=[INK], linewidths=0.8, zorder=3)
     for other, own_azimuth in enumerate(reach.azimuths):
         place = float(_wrap(own_azimuth - middle))
         ax.plot(
@@ -205,7 +203,7 @@ def _draw_map(
     ax.set_xticks(ticks, [f"{round(t)}°" for t in _wrap(ticks + middle).tolist()], fontsize=8)
     ax.set_yticks([-60, -30, 0, 30, 60], ["-60°", "-30°", "0°", "30°", "60°"] if is_first else [], fontsize=8)
     ax.grid(color="#BBBBBB", linewidth=0.4, zorder=2)
-    ax.set_title(f"{title}, {100 * inside.mean():.0f} %", fontsize=10, color=INK)
+    ax.set_title(f"{title}, {100 * shown.area / (4.0 * math.pi):.0f} %", fontsize=10, color=INK)
     ax.spines[["top", "right"]].set_visible(False)
 
 

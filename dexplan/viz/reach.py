@@ -17,8 +17,6 @@ from dexplan.scene.chain import compute_joint_margin
 from dexplan.scene.workspace import compute_aligned_pose
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 
-DIRECTIONS = 9000
-"""Sampled directions of the maps."""
 STATION_DEG = 6.0
 """Spacing of the placements on the equator whose loads are computed."""
 PLACEMENTS = 120
@@ -64,7 +62,7 @@ def compute_reach(hand: HandModel) -> Reach:
     stations = [_find_stations(hand, i) for i in range(len(hand.fingers))]
     judge = Admissibility(hand)
     return Reach(
-        regions=compute_regions(hand, center, DIRECTIONS),
+        regions=compute_regions(hand, hand.object.X_WO_home, allowed=hand.object.allowed_regions),
         azimuths=azimuths,
         phi_min=phi_min,
         loads=tuple(

@@ -21,7 +21,7 @@ from dexplan.scene.workspace import (
     load_workspace,
     spread_directions,
 )
-from dexplan.spatial import Array, rotate_about
+from dexplan.spatial import Array, build_frame, make_pose, rotate_about
 
 
 @pytest.fixture(scope="module")
@@ -153,6 +153,23 @@ def test_fingers_around_the_object_share_one_computation(
     assert np.allclose(X[:, :3, 2], workspace.poles, atol=1e-5)
 
 
+def test_a_workspace_moves_with_the_palm(
+    first: tuple[Workspace, float], scene: Scene, center: Array, cache: Path, computed: list[object]
+) -> None:
+    """Palm and centre moved together: no new computation, and every sample is what the moved finger reaches."""
+    X_WP = make_pose(rotate_about(np.array([0.6, 0.0, 0.8]), 0.9), [0.1, -0.2, 0.3])
+    workspace = load_workspace(scene.fingers[0], (X_WP @ np.append(center, 1.0))[:3], X_WP)
+    assert not computed
+    assert np.array_equal(workspace.postures, first[0].postures)
+    X = X_WP @ compute_tip_pose(scene.fingers[0].chain, workspace.postures)
+    assert np.allclose(compute_tip_pose(workspace.chain, workspace.postures), X, atol=1e-9)
+    assert np.allclose(X[:, :3, 3], workspace.positions, atol=1e-5)
+    assert np.allclose(X[:, :3, 2], workspace.poles, atol=1e-5)
+    found, reached = workspace.solve(X[::500])
+    assert reached.mean() > 0.97
+    assert np.allclose(compute_tip_pose(workspace.chain, found)[reached], X[::500][reached], atol=1e-6)
+
+
 def _altered(change: str) -> tuple[FingerDescription, Array]:
     scene = load_scene()
     if change == "joint range":
@@ -259,5 +276,8 @@ def test_aligned_poses_look_at_the_object(center: Array) -> None:
     X_WF = compute_aligned_pose(center, directions, 0.05)
     assert np.allclose(X_WF[:, :3, 3], center + 0.05 * directions)
     assert np.allclose(X_WF[:, :3, 2], -directions)
+    assert np.allclose(X_WF[:, :3, :3], np.stack([build_frame(-n) for n in directions]))
+    up = compute_aligned_pose(center, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]), 0.05)
+    assert np.allclose(np.linalg.det(up[:, :3, :3]), 1.0)
     assert np.allclose(np.linalg.det(X_WF[:, :3, :3]), 1.0)
     assert compute_aligned_pose(center, directions[:0], 0.05).shape == (0, 4, 4)
