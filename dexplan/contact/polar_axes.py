@@ -30,5 +30,7 @@ def from_chart_axes(q: Array, chart: Charts) -> Array:
 
 
 def _gather(p: Array, order: Charts) -> Array:
+    if order.ndim == 1:
+        return p[..., order]
     shape = np.broadcast_shapes(p.shape, order.shape)
     return np.take_along_axis(np.broadcast_to(p, shape), np.broadcast_to(order, shape), axis=-1)

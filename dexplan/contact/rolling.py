@@ -165,7 +165,7 @@ def roll_over(
     lengths: Sequence[float],
     steps: int = SAMPLES,
 ) -> RollingPath:
-    """Roll any tip on any body in legs along geodesics, each after a turn, by integration (fourth order in 1 / steps).
+    """Roll any tip on any body in legs along geodesics, each after a turn, by integration (sixth order in 1 / steps).
 
     Args:
         tip: surface of F.
