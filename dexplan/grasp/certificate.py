@@ -11,8 +11,8 @@ from dexplan.contact.friction import NORMAL
 from dexplan.grasp.problem import ForceProblem
 from dexplan.spatial import Array
 
-_NEAR = 1e-3
-"""Rows with less room than this [N] may bear on the optimum."""
+_NEAR = (1e-7, 1e-5, 1e-3)
+"""Rows with less room than this [N] are taken to bear on the optimum; the best bound counts."""
 _BROKEN = 1e-2
 """Forces that overstep a row by more than this [N] answer another problem: nothing is proven."""
 
@@ -57,22 +57,29 @@ def prove_optimality(problem: ForceProblem, forces: Array) -> OptimalityProof:
         gradient += 2.0 * s * problem.weights * (f - problem.stack(problem.previous))
     # In half the metric of the cost: minimise |g + E' n + A' l| over l >= 0; n by projection.
     half = 1.0 / (2.0 * np.sqrt(w))
-    near = room < _NEAR
-    g, Es, As = gradient * half, E * half, A[near] * half
+    g, Es, As = gradient * half, E * half, A * half
     _, S, Vt = np.linalg.svd(Es)
     is_spanned = 1e-10 * S.max(initial=0.0) < S
     rank = np.count_nonzero(is_spanned)
     span, rest = Vt[:rank].T, Vt[rank:].T
-    multipliers = np.zeros(len(As))
-    if len(As):
-        multipliers, _ = nnls((As @ rest).T, -rest.T @ g, maxiter=100 * len(As))
-    partial = g + multipliers @ As
-    n = np.linalg.lstsq(Es.T, -span @ (span.T @ partial), rcond=None)[0]
-    r = partial + n @ Es
-    gap = float(r @ r + multipliers @ room[near] - n @ miss)
+    gap, r = np.inf, g
+    for limit in _NEAR:
+        near = room < limit
+        multipliers = np.zeros(np.count_nonzero(near))
+        if near.any():
+            try:
+                multipliers, _ = nnls((As[near] @ rest).T, -rest.T @ g, maxiter=100 * len(multipliers))
+            except RuntimeError:  # too many pivots: this bound is not to be had
+                continue
+        partial = g + multipliers @ As[near]
+        n = np.linalg.lstsq(Es.T, -span @ (span.T @ partial), rcond=None)[0]
+        remainder = partial + n @ Es
+        bound = float(remainder @ remainder + multipliers @ room[near] - n @ miss)
+        if bound < gap:
+            gap, r = bound, remainder
     scale = np.concatenate([np.insert(m.capacity, NORMAL, 1.0) for m in settings.models])
     # |f - f*|_w^2 <= C(f) - C(f*), with the weights per (f / c)^2
-    distance = np.sqrt(max(gap, 0.0) / (w * scale**2).min())
+    distance = np.sqrt(abs(gap) / (w * scale**2).min())
     dual = float(np.abs(r / half * scale / 2.0).max())
     return OptimalityProof(problem.compute_cost(forces), gap, dual, float(distance))
 

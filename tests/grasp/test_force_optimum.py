@@ -63,10 +63,10 @@ def scaled_distance(problem: ForceProblem, a: Array, b: Array) -> float:
 
 class TestSamePolytope:
     @pytest.mark.parametrize(
-        ("exchanges", "tolerance"), [(15, 1e-7), (0, 5e-3)], ids=["as used", "OSQP alone"]
+        ("exchanges", "tolerance"), [(40, 1e-7), (0, 1e-3)], ids=["as used", "OSQP alone"]
     )
     def test_cost_and_forces_are_the_optimum(self, exchanges: int, tolerance: float) -> None:
-        """Measured for the solver as it is used: 1e-8; within half a percent for OSQP alone."""
+        """Measured: cost and forces to 2e-8 as the solver is used; to 2e-5 and 1e-4 for OSQP alone (half a percent is asked)."""
         solved = refused = 0
         for problem, reference in random_problems():
             solution = solve(problem, exchanges=exchanges)
@@ -79,9 +79,19 @@ class TestSamePolytope:
             solved += 1
             cost = problem.compute_cost(solution.forces)
             assert cost == pytest.approx(reference.cost, rel=tolerance, abs=tolerance)
-            assert scaled_distance(problem, solution.forces, reference.forces) <= max(tolerance, 1e-5)
+            assert scaled_distance(problem, solution.forces, reference.forces) <= max(tolerance, 1e-6)
         assert solved > 150
         assert refused > 30
+
+    def test_redundant_equations(self) -> None:
+        """Two hard fingers opposite each other: no torque about their line, so G has rank 5 and one equation says nothing."""
+        problem = lightest([HardFinger(0.5)] * 2, (0.0, 180.0), 0.05)
+        assert np.linalg.matrix_rank(problem.G) == 5
+        for exchanges in (40, 0):
+            solution = solve(problem, exchanges=exchanges)
+            assert solution.is_solved
+            assert np.allclose(solution.forces, solve_reference(problem).forces, atol=1e-4)
+            assert abs(solution.optimality.gap) < 1e-4
 
     def test_a_warm_solver_finds_what_a_fresh_one_finds(self) -> None:
         """The guess of active rows, and OSQP's memory, decide how long it takes and not what is found."""
