@@ -1,0 +1,136 @@
+"""Fingertips that roll in MuJoCo, and tips that only pretend to: every check of rolling against a simulation that fails it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from short_runs import build_plan_reference, failed, simulate
+
+from dexplan import pipeline
+from dexplan.control.reference import Reference
+from dexplan.planning.plan import Plan
+from dexplan.planning.roll import Roll
+from dexplan.planning.roll_gait import build_roll
+from dexplan.problems.problem import Problem
+from dexplan.sim.trace import Trace
+from dexplan.witness.rolling import (
+    ROLLING_FINGER,
+    build_roll_plan,
+    build_roll_problem,
+    compute_heading,
+    measure_trial,
+)
+
+ANGLE = np.radians(20.0)
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return build_roll_problem()
+
+
+@pytest.fixture(scope="module")
+def plan(problem: Problem) -> Plan:
+    """Return the plan in which finger 3 rolls 20 degrees along the ball while the others hold."""
+    hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
+    start = pipeline.plan(problem).start_contacts[ROLLING_FINGER]
+    assert start is not None
+    plan, why = build_roll_plan(problem, [build_roll(hand, start, compute_heading(start, 0.6), ANGLE, 25)])
+    assert plan is not None, why
+    return plan
+
+
+@pytest.fixture(scope="module")
+def trace(problem: Problem, plan: Plan) -> Trace:
+    return pipeline.rollout(problem, plan)
+
+
+def with_way(reference: Reference, change: object) -> Reference:
+    """Return the reference with every rolled way replaced by ``change`` of it."""
+    phases = []
+    for phase in reference.phases:
+        rolls = {finger: change(roll) for finger, roll in phase.rolls.items()}  # type: ignore[operator]
+        phases.append(replace(phase, rolls=rolls))
+    return replace(reference, phases=tuple(phases))
+
+
+def without_turning(roll: Roll) -> Roll:
+    """The tip goes where it should but keeps its attitude: it has to slide."""
+    X = roll.X_OF.copy()
+    X[:, :3, :3] = X[0, :3, :3]
+    return Roll(roll.finger, X, roll.normal_O)
+
+
+def half_way(roll: Roll) -> Roll:
+    """The tip rolls well, but only half as far as planned."""
+    rows = [roll.sample(s) for s in np.linspace(0.0, 0.5, roll.count)]
+    return Roll(roll.finger, np.stack([X for X, _ in rows]), np.stack([n for _, n in rows]))
+
+
+def test_tip_rolls_where_theory_says(problem: Problem, plan: Plan, trace: Trace) -> None:
+    report = pipeline.validate(problem, plan, trace)
+    assert report.is_passed, report.table()
+    trial = measure_trial(plan, trace, report, 0.0)
+    assert trial.rolled_mm == pytest.approx(np.degrees(0.035 * ANGLE) * np.pi / 180.0 * 1e3, rel=0.01)
+    assert trial.net_mm == pytest.approx(trial.net_planned_mm, rel=0.01)
+    assert abs(trial.spin_deg) < 0.1
+    assert trial.contact_error_deg < 0.1
+    assert trial.slip_mm < 0.05
+    assert trial.ball_mm < 0.05
+    # Theory: 20 deg along a ball of 35 mm are 38.9 deg along a tip of 18 mm.
+    angle = report["tip_contact_angle_max"].value
+    assert angle == pytest.approx(20.0 * 35.0 / 18.0, abs=0.2)
+
+
+def test_rolling_is_judged_as_moving_not_as_rest(problem: Problem, plan: Plan, trace: Trace) -> None:
+    note = pipeline.validate(problem, plan, trace)["creep_rate_max"].note
+    assert "at rest" in note
+    assert "moving" in note
+
+
+def test_tip_that_slides_is_caught(problem: Problem, plan: Plan) -> None:
+    slid = simulate(problem, with_way(build_plan_reference(problem, plan), without_turning))
+    wrong = failed(pipeline.validate(problem, plan, slid))
+    assert {"rolling_error_max", "roll_path_error_max", "coulomb_slip_max"} <= wrong
+
+
+def test_tip_that_rolls_elsewhere_is_caught(problem: Problem, plan: Plan) -> None:
+    """Honest rolling, wrong place: only the comparison with the plan can see it."""
+    short = simulate(problem, with_way(build_plan_reference(problem, plan), half_way))
+    report = pipeline.validate(problem, plan, short)
+    assert "roll_path_error_max" in failed(report)
+    assert "rolling_error_max" not in failed(report)
+    assert report["roll_path_error_max"].value == pytest.approx(
+        np.degrees(0.5 * ANGLE) * (1.0 + 35.0 / 18.0), abs=0.5
+    )
+
+
+def lifted(roll: Roll) -> Roll:
+    """The way leaves the ball by 4 mm."""
+    X = roll.X_OF.copy()
+    X[:, :3, 3] += np.linspace(0.0, 4e-3, roll.count)[:, None] * roll.normal_O
+    return Roll(roll.finger, X, roll.normal_O)
+
+
+def test_force_not_position_keeps_the_rolling_tip_on_the_ball(problem: Problem, plan: Plan) -> None:
+    """A way that is wrong by 4 mm along the normal changes the run next to nothing; without wanted forces it loses the ball."""
+    reference = with_way(build_plan_reference(problem, plan), lifted)
+    kept = pipeline.validate(problem, plan, simulate(problem, reference))
+    assert kept.is_passed, kept.table()
+    lost = simulate(problem, reference, pipeline.build_options(problem, feedforward=0.0))
+    report = pipeline.validate(problem, plan, lost)
+    assert "contact_schedule" in failed(report)
+    assert "lost contact" in report["roll_path_error_max"].note
+
+
+def test_plan_with_rolls_survives_its_file(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> None:
+    path = tmp_path_factory.mktemp("plan") / "plan.json"
+    plan.save(path)
+    again = Plan.load(path)
+    assert again.as_dict() == plan.as_dict()
+    again.save(path)
+    assert Plan.load(path).as_dict() == plan.as_dict()
+    (roll,) = again.actions[1].rolls
+    np.testing.assert_allclose(roll.X_OF, plan.actions[1].rolls[0].X_OF, atol=1e-11)
