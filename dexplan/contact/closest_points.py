@@ -60,7 +60,10 @@ def find_closest_points(
             break
         # Far from the solution a full step may fly off: no normal turns by more than a third of a radian.
         turn = np.linalg.norm(
-            np.concatenate([_turn(on_f.curvature, step[..., :2]), _turn(on_o.curvature, step[..., 2:])], axis=-1), axis=-1
+            np.concatenate(
+                [_turn(on_f.curvature, step[..., :2]), _turn(on_o.curvature, step[..., 2:])], axis=-1
+            ),
+            axis=-1,
         )
         step = step * np.minimum(1.0, _LONGEST_TURN / np.maximum(turn, _LONGEST_TURN))[..., None]
         values = at.as_array()
@@ -89,7 +92,9 @@ def find_closest_points(
     return final, gap
 
 
-def _project_to_and_fro(tip: AbstractSurface, body: AbstractSurface, R: Array, p: Array) -> tuple[Array, Array]:
+def _project_to_and_fro(
+    tip: AbstractSurface, body: AbstractSurface, R: Array, p: Array
+) -> tuple[Array, Array]:
     """Return points (..., 3) on tip (in F) and body (in O) that approach each other."""
     back = np.swapaxes(R, -1, -2)
     p_O = body.project(p)

@@ -58,7 +58,8 @@ class ContactCoordinates:
     @classmethod
     def from_array(cls, values: Array, chart_f: Charts, chart_o: Charts) -> ContactCoordinates:
         """Build from (..., 5) in the order u_f, v_f, u_o, v_o, psi and the charts (...)."""
-        return cls(*np.moveaxis(np.asarray(values), -1, 0), chart_f, chart_o)
+        u_f, v_f, u_o, v_o, psi = np.moveaxis(np.asarray(values), -1, 0)
+        return cls(u_f, v_f, u_o, v_o, psi, chart_f, chart_o)
 
 
 def build_psi_rotation(psi: Array) -> Array:

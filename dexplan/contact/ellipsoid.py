@@ -42,7 +42,9 @@ class Ellipsoid(AbstractSurface):
     def __post_init__(self) -> None:
         axes = np.asarray(self.semi_axes, dtype=np.float64)
         if axes.shape != (3,) or not (np.all(np.isfinite(axes)) and np.all(axes > 0.0)):
-            raise ValueError(f"ellipsoid semi-axes are {self.semi_axes} m; three positive lengths are accepted")
+            raise ValueError(
+                f"ellipsoid semi-axes are {self.semi_axes} m; three positive lengths are accepted"
+            )
 
     @property
     def chart_count(self) -> int:
@@ -77,7 +79,8 @@ class Ellipsoid(AbstractSurface):
         K = np.swapaxes(E, -1, -2) @ (E / axes[..., None] ** 2) / size[..., None]
         climb = tau_u / lengths[..., 0]
         T = np.stack(
-            [climb**2 * np.sum(y2 * side / flat**4, axis=-1), -climb * np.sum(y2**2 / flat**2, axis=-1)], axis=-1
+            [climb**2 * np.sum(y2 * side / flat**4, axis=-1), -climb * np.sum(y2**2 / flat**2, axis=-1)],
+            axis=-1,
         )
         out = [from_chart_axes(a, chart) for a in (point, x, y, N / size)]
         return ChartGeometry(out[0], out[1], out[2], out[3], lengths, K, T)

@@ -31,7 +31,13 @@ class Plane(AbstractSurface):
         axes = [np.broadcast_to(e, (*u.shape, 3)) for e in np.eye(3)]
         point = np.stack([v, u, np.zeros_like(u)], axis=-1)
         return ChartGeometry(
-            point, axes[1], axes[0], axes[2], np.ones((*u.shape, 2)), np.zeros((*u.shape, 2, 2)), np.zeros((*u.shape, 2))
+            point,
+            axes[1],
+            axes[0],
+            axes[2],
+            np.ones((*u.shape, 2)),
+            np.zeros((*u.shape, 2, 2)),
+            np.zeros((*u.shape, 2)),
         )
 
     def coordinates(self, p_O: ArrayLike, chart: ArrayLike = 0) -> tuple[Array, Array]:

@@ -28,13 +28,14 @@ _A = (
 _B = (11 / 120, 0.0, 27 / 40, 27 / 40, -4 / 15, -4 / 15, 11 / 120)
 _C = (0.0, 1 / 3, 2 / 3, 1 / 3, 1 / 2, 1 / 2, 1.0)
 
-_TOO_NEAR = 0.2
-"""A step that begins away from a border (SWITCH_BELOW) and ends this near it is too long to be accurate."""
+_TOO_NEAR = 0.2  # a step that begins away from a border (SWITCH_BELOW) and ends this near it is too long to be accurate
+_TOO_FAR = 0.5  # so is one that turns a normal by so much [rad]: it could leap over a border unseen
 
-Motion = Callable[[float, Array], Array]
-"""``motion(t, X_OC)`` -> twists (..., 6) of the tip relative to the body at the contact point, in **O axes**.
+Motion = Callable[[float, Array, Array], Array]
+"""``motion(t, X_OC, X_OF)`` -> twists (..., 6) of the tip relative to the body at the contact point, in **O axes**.
 
-X_OC (..., 4, 4) are the contact frames in O, z into the body.  O axes, because C turns where the chart changes.
+X_OC (..., 4, 4) are the contact frames in O, z into the body, X_OF (..., 4, 4) the tip's poses.  O axes, because C turns where
+the chart changes.
 """
 
 _Flow = Callable[[float, ChartGeometry, ChartGeometry, Array], Array]
@@ -68,9 +69,12 @@ def integrate_motion(
 
     def flow(t: float, on_f: ChartGeometry, on_o: ChartGeometry, y: Array) -> Array:
         frame = on_o.frame
-        X_OC = np.zeros((*frame.shape[:-2], 4, 4))
+        R_OF = frame @ build_psi_rotation(y[..., 4]) @ np.swapaxes(on_f.frame, -1, -2)
+        X_OC, X_OF = (np.zeros((*frame.shape[:-2], 4, 4)) for _ in range(2))
         X_OC[..., :3, :3], X_OC[..., :3, 3], X_OC[..., 3, 3] = frame, on_o.point, 1.0
-        V = np.asarray(motion(t, X_OC), dtype=np.float64)
+        X_OF[..., :3, :3], X_OF[..., 3, 3] = R_OF, 1.0
+        X_OF[..., :3, 3] = on_o.point - (R_OF @ on_f.point[..., None])[..., 0]
+        V = np.asarray(motion(t, X_OC, X_OF), dtype=np.float64)
         back = np.swapaxes(frame, -1, -2)
         V_C = np.concatenate([(back @ V[..., :3, None])[..., 0], (back @ V[..., 3:, None])[..., 0]], axis=-1)
         s_f, s_o, psi = solve_rates(on_f, on_o, y[..., 4], V_C)
@@ -105,8 +109,8 @@ def integrate_legs(
         body: surface of O.
         start: contacts (...).
         heading_O: directions (..., 3) in O; their tangential parts are the headings before the first turn.
-        turns: (L, ...) [rad] to the left, seen from outside the body, before each leg.
-        lengths: (L, ...) [m].
+        turns: (L,) or (L, ...) [rad] to the left, seen from outside the body, before each leg.
+        lengths: (L,) or (L, ...) [m].
         steps: Runge-Kutta steps per leg; global error O(steps^-6), :data:`ORDER`.
 
     Returns:
@@ -124,9 +128,11 @@ def integrate_legs(
         s_f = (P @ s_o[..., None])[..., 0]
         turn_o, turn_f = np.sum(on_o.torsion * s_o, axis=-1), np.sum(on_f.torsion * s_f, axis=-1)
         rest = np.stack([turn_f + turn_o, -turn_o], axis=-1)
-        return y[..., 6:] * np.concatenate([s_f / on_f.lengths, s_o / on_o.lengths, rest, 0.0 * rest[..., :1]], axis=-1)
+        return y[..., 6:] * np.concatenate(
+            [s_f / on_f.lengths, s_o / on_o.lengths, rest, 0.0 * rest[..., :1]], axis=-1
+        )
 
-    turns, lengths = (np.broadcast_to(a, (len(a), *start.shape)) for a in (np.asarray(turns), np.asarray(lengths)))
+    turns, lengths = _spread(turns, start.shape), _spread(lengths, start.shape)
     at = leave_borders(tip, body, start)
     heading = np.broadcast_to(np.asarray(heading_O, dtype=np.float64), (*start.shape, 3))
     out, rolled = [at], [np.zeros(start.shape)]
@@ -154,6 +160,13 @@ def stack_coordinates(parts: Sequence[ContactCoordinates]) -> ContactCoordinates
     )
 
 
+def _spread(values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return one value per leg (L, ...), given for each contact or once for all."""
+    a = np.asarray(values, dtype=np.float64)
+    a = a.reshape(a.shape + (1,) * (1 + len(shape) - a.ndim))
+    return np.broadcast_to(a, (len(a), *shape))
+
+
 def _require_steps(steps: int) -> None:
     if steps < 1:
         raise ValueError(f"{steps} integration steps; one or more are accepted")
@@ -169,7 +182,9 @@ def _measure_heading(body: AbstractSurface, at: ContactCoordinates, heading_O: A
     on_o = body.geometry(at.u_o, at.v_o, at.chart_o)
     north, east = np.sum(heading_O * on_o.x, axis=-1), np.sum(heading_O * on_o.y, axis=-1)
     if np.any(np.hypot(north, east) <= 1e-9 * np.linalg.norm(heading_O, axis=-1)):
-        raise ValueError("the heading is along the normal; a direction with a part along the surface is accepted")
+        raise ValueError(
+            "the heading is along the normal; a direction with a part along the surface is accepted"
+        )
     return np.arctan2(east, north)
 
 
@@ -191,7 +206,16 @@ def _step(
         on_f = tip.geometry(state[..., 0], state[..., 1], chart_f)
         on_o = body.geometry(state[..., 2], state[..., 3], chart_o)
         stages.append(flow(t + c * h, on_f, on_o, state))
+        if len(stages) == 1:
+            _require_short(tip, on_f, h * stages[0][..., 0:2])
+            _require_short(body, on_o, h * stages[0][..., 2:4])
     return y + h * sum((b * k for b, k in zip(_B, stages, strict=True) if b), np.zeros(()))
+
+
+def _require_short(surface: AbstractSurface, on: ChartGeometry, step: Array) -> None:
+    turn = np.linalg.norm((on.curvature @ (on.lengths * step)[..., None])[..., 0], axis=-1)
+    if surface.chart_count > 1 and not np.all(turn < _TOO_FAR):
+        raise ValueError(f"one step turns a normal by {turn.max():.3g} rad; more steps are accepted")
 
 
 def _settle(tip: AbstractSurface, body: AbstractSurface, at: ContactCoordinates) -> ContactCoordinates:

@@ -10,15 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dexplan.contact.rolling import (
-    SAMPLES,
-    RollingPath,
-    build_turn,
-    join_paths,
-    make_tangent,
-    roll_turning,
-    split_start,
-)
+from dexplan.contact.rolling import SAMPLES, RollingPath, join_paths, roll_turning, split_start
+from dexplan.contact.turning import build_turn, make_tangent
 from dexplan.spatial import Array
 
 Rerotation = Literal["mirror", "lift", "none"]
@@ -54,7 +47,9 @@ class RollingTriangle:
 
     def __post_init__(self) -> None:
         if not (self.tip_radius > 0.0 and self.object_radius > 0.0):
-            raise ValueError(f"radii are {self.tip_radius} and {self.object_radius} m; positive lengths are accepted")
+            raise ValueError(
+                f"radii are {self.tip_radius} and {self.object_radius} m; positive lengths are accepted"
+            )
         if not 0.0 < self.leg <= 0.5 * pi + 1e-12:
             raise ValueError(f"leg is {self.leg} rad; more than 0 and at most pi/2 is accepted")
         if not 0.0 < abs(self.apex) < pi:
@@ -199,7 +194,10 @@ def repeat_triangle(
     if count < 1:
         raise ValueError(f"{count} cycles; one or more are accepted")
     apex = [-1.0 if rerotation == "mirror" and k % 2 else 1.0 for k in range(count)]
-    cycles = [RollingTriangle(triangle.tip_radius, triangle.object_radius, triangle.leg, triangle.apex * a) for a in apex]
+    cycles = [
+        RollingTriangle(triangle.tip_radius, triangle.object_radius, triangle.leg, triangle.apex * a)
+        for a in apex
+    ]
     return chain_triangles(cycles, X_OF_start, direction_O, rerotation == "lift", samples)
 
 

@@ -31,7 +31,9 @@ def build_pivoting_twist(spin: ArrayLike) -> Array:
     return build_rolling_twist(np.zeros_like(np.asarray(spin, dtype=np.float64)), 0.0, spin)
 
 
-def compute_rates(tip: AbstractSurface, body: AbstractSurface, at: ContactCoordinates, V_C: ArrayLike) -> Array:
+def compute_rates(
+    tip: AbstractSurface, body: AbstractSurface, at: ContactCoordinates, V_C: ArrayLike
+) -> Array:
     """Return the rates (..., 5) of (u_f, v_f, u_o, v_o, psi) under a relative twist.  Montana's equations.
 
     With s_f = M_f (u_f, v_f)', s_o = M_o (u_o, v_o)', P the upper left of R_CoCf and w = (-w_y, w_x):
@@ -56,12 +58,16 @@ def compute_rates(tip: AbstractSurface, body: AbstractSurface, at: ContactCoordi
     V = np.asarray(V_C, dtype=np.float64)
     on_f, on_o = compute_geometries(tip, body, at)
     if np.any(np.abs(V[..., 2]) > 1e-9 * (1e-3 + np.linalg.norm(V[..., :3], axis=-1))):
-        raise ValueError("v_z is not zero, so the contact breaks or digs in; twists with v_z = 0 are accepted")
+        raise ValueError(
+            "v_z is not zero, so the contact breaks or digs in; twists with v_z = 0 are accepted"
+        )
     s_f, s_o, psi = solve_rates(on_f, on_o, at.psi, V)
     return np.concatenate([s_f / on_f.lengths, s_o / on_o.lengths, psi[..., None]], axis=-1)
 
 
-def compute_twist(tip: AbstractSurface, body: AbstractSurface, at: ContactCoordinates, rates: ArrayLike) -> Array:
+def compute_twist(
+    tip: AbstractSurface, body: AbstractSurface, at: ContactCoordinates, rates: ArrayLike
+) -> Array:
     """Return the relative twist (..., 6) in C that gives these rates (..., 5): :func:`compute_rates` backwards.
 
     v = s_o - P s_f, (-w_y, w_x) = K_o s_o + P K_f s_f, w_z = T_f s_f + T_o s_o - psi'.
@@ -94,7 +100,9 @@ def compute_contact_twist(
     return np.concatenate([_apply(R_CF, v), _apply(R_CF, V[..., 3:])], axis=-1)
 
 
-def compute_tip_twist(tip: AbstractSurface, body: AbstractSurface, at: ContactCoordinates, V_C: ArrayLike) -> Array:
+def compute_tip_twist(
+    tip: AbstractSurface, body: AbstractSurface, at: ContactCoordinates, V_C: ArrayLike
+) -> Array:
     """Return V_OF_F (..., 6), the tip's twist in its own frame, from that at the contact: :func:`compute_contact_twist` back."""
     V = np.asarray(V_C, dtype=np.float64)
     on_f, _ = compute_geometries(tip, body, at)
@@ -118,13 +126,15 @@ def compute_geometries(
     return on_f, on_o
 
 
-def solve_rates(on_f: ChartGeometry, on_o: ChartGeometry, psi: Array, V_C: Array) -> tuple[Array, Array, Array]:
+def solve_rates(
+    on_f: ChartGeometry, on_o: ChartGeometry, psi: Array, V_C: Array
+) -> tuple[Array, Array, Array]:
     """Return s_f, s_o (..., 2) [m/s] in each surface's Gauss axes and psi' (...) [rad/s]; see :func:`compute_rates`."""
     P = build_psi_rotation(psi)[..., :2, :2]
     v, w = V_C[..., :2], np.stack([-V_C[..., 4], V_C[..., 3]], axis=-1)
     relative = compute_relative_curvature(on_f, on_o, P)
     right = _apply(P, w - _apply(on_o.curvature, v))
-    s_f = np.linalg.solve(relative, right[..., None])[..., 0]
+    s_f = np.asarray(np.linalg.solve(relative, right[..., None])[..., 0], dtype=np.float64)
     s_o = v + _apply(P, s_f)
     rate = np.sum(on_f.torsion * s_f, axis=-1) + np.sum(on_o.torsion * s_o, axis=-1) - V_C[..., 5]
     return s_f, s_o, rate

@@ -30,7 +30,8 @@ def from_chart_axes(q: Array, chart: Charts) -> Array:
 
 
 def _gather(p: Array, order: Charts) -> Array:
-    if order.ndim == 1:
-        return p[..., order]
     shape = np.broadcast_shapes(p.shape, order.shape)
-    return np.take_along_axis(np.broadcast_to(p, shape), np.broadcast_to(order, shape), axis=-1)
+    p = np.broadcast_to(p, shape)
+    if order.size == 3:  # one chart for all
+        return p[..., order.ravel()]
+    return np.take_along_axis(p, np.broadcast_to(order, shape), axis=-1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from dexplan.contact.coordinates import ContactCoordinates, compute_relative_pose
 from dexplan.contact.integration import integrate_legs
 from dexplan.contact.surface import AbstractSurface
-from dexplan.spatial import Array, hat, read_only
+from dexplan.contact.turning import any_tangent, build_turn, make_tangent, split_turn
+from dexplan.spatial import Array, read_only
 
 _TOUCHING = 0.01  # of the sum of the radii: what a start may be off before it is no contact
 _ANTIPODAL = 1e-9
@@ -75,7 +77,7 @@ class RollingPath:
         R_0, R_1 = self.X_OF[k, :3, :3], self.X_OF[k + 1, :3, :3]
         X = np.zeros((*s.shape, 4, 4))
         X[..., 3, 3] = 1.0
-        axis, angle = _axis_angle(R_1 @ np.swapaxes(R_0, -1, -2))
+        axis, angle = split_turn(R_1 @ np.swapaxes(R_0, -1, -2))
         X[..., :3, :3] = build_turn(axis, share * angle) @ R_0
         p_0, p_1 = self.X_OF[k, :3, 3], self.X_OF[k + 1, :3, 3]
         far_0, far_1 = (np.linalg.norm(p, axis=-1, keepdims=True) for p in (p_0, p_1))
@@ -89,7 +91,11 @@ class RollingPath:
 
 
 def roll_along(
-    tip_radius: float, object_radius: float, X_OF_start: ArrayLike, waypoints: ArrayLike, samples: int = SAMPLES
+    tip_radius: float,
+    object_radius: float,
+    X_OF_start: ArrayLike,
+    waypoints: ArrayLike,
+    samples: int = SAMPLES,
 ) -> RollingPath:
     """Roll a spherical tip on a ball along great circles through ``waypoints``, closed form.
 
@@ -180,7 +186,9 @@ def roll_over(
         ValueError: more than one contact, steps too long, or contact along a line (see ``integrate_legs``).
     """
     if start.shape != ():
-        raise ValueError(f"a path of {start.shape} contacts; one contact is accepted, and integrate_legs takes many")
+        raise ValueError(
+            f"a path of {start.shape} contacts; one contact is accepted, and integrate_legs takes many"
+        )
     at, rolled = integrate_legs(tip, body, start, heading_O, turns, lengths, steps)
     on_f = tip.geometry(at.u_f, at.v_f, at.chart_f)
     on_o = body.geometry(at.u_o, at.v_o, at.chart_o)
@@ -197,9 +205,11 @@ def roll_over(
 
 def join_paths(paths: Sequence[RollingPath]) -> RollingPath:
     """Return one path of several, each of which starts where the one before ended; raises ValueError where one does not."""
-    for before, after in zip(paths[:-1], paths[1:], strict=True):
+    for before, after in pairwise(paths):
         if not np.allclose(before.X_OF[-1], after.X_OF[0], atol=1e-9):
-            raise ValueError("a path starts elsewhere than the one before ends; paths without a lift between are accepted")
+            raise ValueError(
+                "a path starts elsewhere than the one before ends; paths without a lift between are accepted"
+            )
     keep = [slice(0 if i == 0 else 1, None) for i in range(len(paths))]
     offsets = np.concatenate([[0.0], np.cumsum([p.total_length for p in paths])])
     firsts = np.concatenate([[0], np.cumsum([len(p) - 1 for p in paths])])
@@ -238,32 +248,10 @@ def solve_two_finger_goals(n_1: ArrayLike, n_2: ArrayLike, angle_min: float) -> 
     if move <= 0.0:
         return a, b
     if sine < _ANTIPODAL:
-        raise ValueError("both contacts are in the same place; contacts on a common great circle are accepted")
+        raise ValueError(
+            "both contacts are in the same place; contacts on a common great circle are accepted"
+        )
     return build_turn(cross / sine, -move) @ a, build_turn(cross / sine, move) @ b
-
-
-def build_turn(axis: ArrayLike, angle: ArrayLike) -> Array:
-    """Return rotations (..., 3, 3) about unit axes (..., 3) by angles (...) [rad] (Rodrigues' formula)."""
-    W, angle = hat(np.asarray(axis, dtype=np.float64)), np.asarray(angle, dtype=np.float64)[..., None, None]
-    # 1 - cos without cancellation.
-    return np.eye(3) + np.sin(angle) * W + 2.0 * np.sin(0.5 * angle) ** 2 * (W @ W)
-
-
-def make_tangent(n: Array, direction: ArrayLike) -> Array:
-    """Return the unit tangent (3,) at n that is nearest to ``direction`` (3,); raises ValueError for one along n."""
-    d = np.asarray(direction, dtype=np.float64)
-    tangent = d - (n @ d) * n
-    size = np.linalg.norm(tangent)
-    if size <= 1e-9 * np.linalg.norm(d):
-        raise ValueError("the heading is along the normal; a direction with a part along the surface is accepted")
-    tangent = tangent / size
-    tangent = tangent - (n @ tangent) * n  # once more, for directions that are nearly along n
-    return tangent / np.linalg.norm(tangent)
-
-
-def any_tangent(n: Array) -> Array:
-    """Return some unit tangent (3,) at the unit vector n."""
-    return make_tangent(n, np.eye(3)[np.argmin(np.abs(n))])
 
 
 def split_start(tip_radius: float, object_radius: float, X_OF_start: ArrayLike) -> tuple[Array, Array]:
@@ -313,12 +301,3 @@ def _roll_legs(
         length=np.concatenate(rolled),
         corners=np.array(corners),
     )
-
-
-def _axis_angle(R: Array) -> tuple[Array, Array]:
-    """Return unit axes (..., 3) and angles (...) [rad] of rotations by clearly less than half a turn."""
-    twice = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
-    size = np.linalg.norm(twice, axis=-1)
-    angle = np.arctan2(size, np.trace(R, axis1=-2, axis2=-1) - 1.0)
-    axis = twice / np.where(size > 0.0, size, 1.0)[..., None]
-    return np.where(size[..., None] > 0.0, axis, [0.0, 0.0, 1.0]), angle

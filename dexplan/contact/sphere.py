@@ -37,13 +37,19 @@ class Sphere(AbstractSurface):
         """Return the geometry at latitude u and longitude v: x to the north, y to the east."""
         u, v, chart = as_chart_points(u, v, chart, CHART_COUNT)
         su, cu, sv, cv = np.sin(u), np.cos(u), np.sin(v), np.cos(v)
-        normal = from_chart_axes(np.stack([cu * cv, cu * sv, su], axis=-1), chart)
-        north = from_chart_axes(np.stack([-su * cv, -su * sv, cu], axis=-1), chart)
-        east = from_chart_axes(np.stack([-sv, cv, np.zeros_like(v)], axis=-1), chart)
-        lengths = self.radius * np.stack([np.ones_like(u), cu], axis=-1)
-        K = np.broadcast_to(np.eye(2) / self.radius, (*u.shape, 2, 2)).copy()
-        T = np.stack([np.zeros_like(u), -np.tan(u) / self.radius], axis=-1)
-        return ChartGeometry(self.radius * normal, north, east, normal, lengths, K, T)
+        # Rows: normal, north, east.  Filled in place: this is the inner loop of integration.
+        E = np.empty((*u.shape, 3, 3))
+        E[..., 0, 0], E[..., 0, 1], E[..., 0, 2] = cu * cv, cu * sv, su
+        E[..., 1, 0], E[..., 1, 1], E[..., 1, 2] = -su * cv, -su * sv, cu
+        E[..., 2, 0], E[..., 2, 1], E[..., 2, 2] = -sv, cv, 0.0
+        E = from_chart_axes(E, chart[..., None])
+        lengths, T = np.empty((*u.shape, 2)), np.zeros((*u.shape, 2))
+        lengths[..., 0], lengths[..., 1] = self.radius, self.radius * cu
+        T[..., 1] = -np.tan(u) / self.radius
+        K = np.zeros((*u.shape, 2, 2))
+        K[..., 0, 0] = K[..., 1, 1] = 1.0 / self.radius
+        normal = E[..., 0, :]
+        return ChartGeometry(self.radius * normal, E[..., 1, :], E[..., 2, :], normal, lengths, K, T)
 
     def coordinates(self, p_O: ArrayLike, chart: ArrayLike = 0) -> tuple[Array, Array]:
         """Return latitude and longitude (...) [rad] of points (..., 3)."""

@@ -128,7 +128,10 @@ class AbstractSurface(ABC):
 def as_chart_points(u: ArrayLike, v: ArrayLike, chart: ArrayLike, count: int) -> tuple[Array, Array, Charts]:
     """Return u, v and chart broadcast to one shape; raises ValueError for a chart that a surface of ``count`` lacks."""
     index = np.asarray(chart, dtype=np.intp)
-    if np.any((index < 0) | (index >= count)):
-        raise ValueError(f"chart {chart} does not exist; charts 0 to {count - 1} are accepted")
-    wide = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64), index)
+    if index.size and not 0 <= index.min() <= index.max() < count:
+        raise ValueError(f"chart {index.tolist()} does not exist; charts 0 to {count - 1} are accepted")
+    u, v = np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
+    if u.shape == v.shape == index.shape:
+        return u, v, index
+    wide = np.broadcast_arrays(u, v, index)
     return wide[0], wide[1], wide[2]

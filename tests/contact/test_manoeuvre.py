@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -20,8 +21,9 @@ from dexplan.contact.manoeuvre import (
     repeat_triangle,
     solve_apex,
 )
-from dexplan.contact.rolling import build_turn, make_tangent, roll_turning
+from dexplan.contact.rolling import roll_turning
 from dexplan.contact.shapes import Sphere
+from dexplan.contact.turning import build_turn, make_tangent
 from dexplan.spatial import Array
 
 triangles = st.builds(
@@ -54,7 +56,9 @@ def test_the_end_is_as_predicted(triangle: RollingTriangle, seed: int) -> None:
     assert np.allclose(path.X_OF[-1], triangle.end_pose(X, direction), atol=1e-12)
     # The contact is back in its place on the tip, and ahead on the ball where it was wanted.
     assert np.allclose(path.n_F[-1], path.n_F[0], atol=1e-12)
-    assert np.arccos(np.clip(path.n_O[0] @ path.n_O[-1], -1, 1)) == pytest.approx(triangle.displacement, abs=1e-7)
+    assert np.arccos(np.clip(path.n_O[0] @ path.n_O[-1], -1, 1)) == pytest.approx(
+        triangle.displacement, abs=1e-7
+    )
     assert compute_spin(path) == pytest.approx(np.angle(np.exp(1j * triangle.spin)), abs=1e-10)
     assert path.total_length == pytest.approx(triangle.total_length)
     assert path.polar_angle.shape == (len(path),)
@@ -103,7 +107,8 @@ def test_numbers_of_the_papers_manoeuvre() -> None:
 
 
 @pytest.mark.parametrize(
-    ("legs_deg", "ahead_mm", "ahead_deg", "spin_deg"), [(60.0, 4.025, 6.590, -19.090), (75.0, 9.353, None, -34.568)]
+    ("legs_deg", "ahead_mm", "ahead_deg", "spin_deg"),
+    [(60.0, 4.025, 6.590, -19.090), (75.0, 9.353, None, -34.568)],
 )
 def test_numbers_of_rolling_triangles(
     legs_deg: float, ahead_mm: float, ahead_deg: float | None, spin_deg: float
@@ -154,9 +159,11 @@ def test_lifts_turn_the_tip_back_on_the_spot() -> None:
     n, axis = paths[0].n_O[0], np.cross(paths[0].n_O[0], direction)
     for k, path in enumerate(paths):
         # Each cycle starts as the first did, carried along the great circle.
-        assert np.allclose(path.X_OF[0, :3, :3], build_turn(axis, k * triangle.displacement) @ X[:3, :3], atol=1e-12)
+        assert np.allclose(
+            path.X_OF[0, :3, :3], build_turn(axis, k * triangle.displacement) @ X[:3, :3], atol=1e-12
+        )
         assert np.allclose(path.n_O[-1], build_turn(axis, (k + 1) * triangle.displacement) @ n, atol=1e-12)
-    for before, after in zip(paths[:-1], paths[1:], strict=True):
+    for before, after in pairwise(paths):
         assert np.allclose(before.X_OF[-1, :3, 3], after.X_OF[0, :3, 3], atol=1e-12)
     (spun,) = repeat_triangle(triangle, X, direction, 5, "none", 40)
     spin = compute_spin(spun)
@@ -179,12 +186,16 @@ def test_a_bend_ends_where_it_says(triangle: RollingTriangle, seed: int) -> None
 def test_apex_is_found_again(triangle: RollingTriangle) -> None:
     ahead = triangle.displacement
     if abs(triangle.apex) <= 0.5 * np.pi:
-        found = solve_apex(triangle.tip_radius, triangle.object_radius, triangle.leg, ahead, abs(triangle.apex))
-        assert found is not None
-        assert RollingTriangle(triangle.tip_radius, triangle.object_radius, triangle.leg, found).displacement == (
-            pytest.approx(ahead, abs=1e-12)
+        found = solve_apex(
+            triangle.tip_radius, triangle.object_radius, triangle.leg, ahead, abs(triangle.apex)
         )
-        assert solve_apex(triangle.tip_radius, triangle.object_radius, triangle.leg, 1.01 * ahead, found) is None
+        assert found is not None
+        assert RollingTriangle(
+            triangle.tip_radius, triangle.object_radius, triangle.leg, found
+        ).displacement == (pytest.approx(ahead, abs=1e-12))
+        assert (
+            solve_apex(triangle.tip_radius, triangle.object_radius, triangle.leg, 1.01 * ahead, found) is None
+        )
 
 
 def test_equal_radii_get_nowhere_and_a_smaller_ball_goes_back() -> None:

@@ -39,7 +39,9 @@ SHAPES: list[AbstractSurface] = [
     Ellipsoid((0.03, 0.02, 0.025)),
 ]
 PAIRS = list(itertools.product(SHAPES, SHAPES))
-POINT_PAIRS = [(a, b) for a, b in PAIRS if not {type(a), type(b)} <= {Plane, Cylinder}] + [(Cylinder(0.02), Cylinder(0.03))]
+POINT_PAIRS = [(a, b) for a, b in PAIRS if not {type(a), type(b)} <= {Plane, Cylinder}] + [
+    (Cylinder(0.02), Cylinder(0.03))
+]
 LINE_PAIRS = [(a, b) for a, b in PAIRS if {type(a), type(b)} <= {Plane, Cylinder}]
 
 lightly = settings(deadline=None, derandomize=True, max_examples=60)
@@ -49,11 +51,15 @@ charts = st.tuples(st.integers(0, 2), st.integers(0, 2))
 twists = st.tuples(*[st.floats(-1.0, 1.0)] * 5)
 
 
-def _contact(tip: AbstractSurface, body: AbstractSurface, q: tuple[float, ...], k: tuple[int, int]) -> ContactCoordinates:
+def _contact(
+    tip: AbstractSurface, body: AbstractSurface, q: tuple[float, ...], k: tuple[int, int]
+) -> ContactCoordinates:
     """Contact coordinates from numbers in [-1, 1]: latitudes up to 60 degrees (or 6 cm), any longitude and psi."""
     scale = [0.06 if isinstance(s, (Plane, Cylinder)) else 1.05 for s in (tip, body)]
     # Cylinders must not lie along each other.
-    psi = 0.25 + 0.55 * (q[4] + 1.0) if isinstance(tip, Cylinder) and isinstance(body, Cylinder) else 3.1 * q[4]
+    psi = (
+        0.25 + 0.55 * (q[4] + 1.0) if isinstance(tip, Cylinder) and isinstance(body, Cylinder) else 3.1 * q[4]
+    )
     wide = [0.06 if isinstance(s, Plane) else 3.1 for s in (tip, body)]
     values = np.array([scale[0] * q[0], wide[0] * q[1], scale[1] * q[2], wide[1] * q[3], psi])
     chart_f, chart_o = (np.array(c % s.chart_count) for c, s in zip(k, (tip, body), strict=True))
@@ -74,20 +80,29 @@ def _move(X_OF: Array, V_OF_F: Array, t: float) -> Array:
 
 def _unwrap(difference: Array) -> Array:
     """Differences of coordinates of which any but the metric ones may jump by a whole turn (never by half of one)."""
-    return np.where(np.abs(difference) > np.pi, difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi)), difference)
+    return np.where(
+        np.abs(difference) > np.pi,
+        difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi)),
+        difference,
+    )
 
 
 @given(pairs, angles, charts, twists)
 @lightly
 def test_rates_are_those_of_rigid_motion_and_closest_points(
-    pair: tuple[AbstractSurface, AbstractSurface], q: tuple[float, ...], k: tuple[int, int], w: tuple[float, ...]
+    pair: tuple[AbstractSurface, AbstractSurface],
+    q: tuple[float, ...],
+    k: tuple[int, int],
+    w: tuple[float, ...],
 ) -> None:
     tip, body = pair
     at = _contact(tip, body, q, k)
     V_C = _twist(w)
     V_F, X = compute_tip_twist(tip, body, at, V_C), compute_relative_pose(tip, body, at)
     h = 1e-3
-    seen = [find_closest_points(tip, body, _move(X, V_F, t * h), near=at)[0].as_array() for t in (-2, -1, 1, 2)]
+    seen = [
+        find_closest_points(tip, body, _move(X, V_F, t * h), near=at)[0].as_array() for t in (-2, -1, 1, 2)
+    ]
     steps = [_unwrap(s - at.as_array()) for s in seen]
     slope = (steps[0] - 8.0 * steps[1] + 8.0 * steps[2] - steps[3]) / (12.0 * h)
     rates = compute_rates(tip, body, at, V_C)
@@ -97,12 +112,17 @@ def test_rates_are_those_of_rigid_motion_and_closest_points(
 @given(pairs, angles, charts, twists)
 @lightly
 def test_twist_and_rates_are_inverse(
-    pair: tuple[AbstractSurface, AbstractSurface], q: tuple[float, ...], k: tuple[int, int], w: tuple[float, ...]
+    pair: tuple[AbstractSurface, AbstractSurface],
+    q: tuple[float, ...],
+    k: tuple[int, int],
+    w: tuple[float, ...],
 ) -> None:
     tip, body = pair
     at, V_C = _contact(tip, body, q, k), _twist(w)
     assert np.allclose(compute_twist(tip, body, at, compute_rates(tip, body, at, V_C)), V_C, atol=1e-12)
-    assert np.allclose(compute_contact_twist(tip, body, at, compute_tip_twist(tip, body, at, V_C)), V_C, atol=1e-14)
+    assert np.allclose(
+        compute_contact_twist(tip, body, at, compute_tip_twist(tip, body, at, V_C)), V_C, atol=1e-14
+    )
 
 
 @given(pairs, angles, charts)
@@ -138,11 +158,16 @@ def test_gap_is_seen_along_the_normal(
 @given(pairs, angles, charts, charts)
 @lightly
 def test_the_pose_does_not_depend_on_charts(
-    pair: tuple[AbstractSurface, AbstractSurface], q: tuple[float, ...], k: tuple[int, int], other: tuple[int, int]
+    pair: tuple[AbstractSurface, AbstractSurface],
+    q: tuple[float, ...],
+    k: tuple[int, int],
+    other: tuple[int, int],
 ) -> None:
     tip, body = pair
     at = _contact(tip, body, q, k)
-    moved = change_charts(tip, body, at, np.array(other[0] % tip.chart_count), np.array(other[1] % body.chart_count))
+    moved = change_charts(
+        tip, body, at, np.array(other[0] % tip.chart_count), np.array(other[1] % body.chart_count)
+    )
     X = compute_relative_pose(tip, body, at)
     assert np.allclose(compute_relative_pose(tip, body, moved), X, atol=1e-14)
     assert np.allclose(X[:3, :3].T @ X[:3, :3], np.eye(3), atol=1e-14)
@@ -165,7 +190,9 @@ def test_many_contacts_are_as_many_single_ones(pair: tuple[AbstractSurface, Abst
         lambda at, v: compute_rates(tip, body, at, v),
         lambda at, _: compute_relative_pose(tip, body, at),
         lambda at, v: compute_tip_twist(tip, body, at, v),
-        lambda at, _: find_closest_points(tip, body, compute_relative_pose(tip, body, at), near=at)[0].as_array(),
+        lambda at, _: find_closest_points(tip, body, compute_relative_pose(tip, body, at), near=at)[
+            0
+        ].as_array(),
     ]
     for f in functions:
         singles = np.stack([f(c, v) for c, v in zip(one, V.reshape(6, 6), strict=True)])
@@ -196,7 +223,9 @@ def test_rolling_speed_on_spheres() -> None:
 def test_pivoting_moves_nothing_but_psi_and_sliding_keeps_the_attitude() -> None:
     tip, ball = Ellipsoid((0.03, 0.02, 0.025)), Sphere(0.040)
     at = ContactCoordinates(*np.array([0.3, 0.2, -0.5, 1.0, 0.7]))
-    assert np.allclose(compute_rates(tip, ball, at, build_pivoting_twist(0.9)), [0, 0, 0, 0, -0.9], atol=1e-15)
+    assert np.allclose(
+        compute_rates(tip, ball, at, build_pivoting_twist(0.9)), [0, 0, 0, 0, -0.9], atol=1e-15
+    )
     sliding = build_sliding_twist(0.01, -0.02)
     rates = compute_rates(tip, ball, at, sliding)
     # Sliding without turning keeps the normal, so neither point moves against the other's normal.
@@ -211,7 +240,9 @@ def test_contacts_on_and_near_a_pole_change_charts() -> None:
     moved = leave_borders(tip, ball, at)
     assert moved.chart_f[2] == 0
     assert np.all(moved.chart_o != 0)
-    assert np.allclose(compute_relative_pose(tip, ball, moved)[1:], compute_relative_pose(tip, ball, at)[1:], atol=1e-14)
+    assert np.allclose(
+        compute_relative_pose(tip, ball, moved)[1:], compute_relative_pose(tip, ball, at)[1:], atol=1e-14
+    )
     with pytest.raises(ValueError, match=r"leave_borders\(tip, body, at\) is accepted"):
         compute_rates(tip, ball, at, build_pivoting_twist(np.ones(3)))
     assert np.isfinite(compute_rates(tip, ball, moved, build_rolling_twist(np.ones(3), 0.5))).all()

@@ -44,7 +44,9 @@ def _differences(surface: AbstractSurface, u: float, v: float, chart: int) -> di
 
 @charted
 @lightly
-def test_metric_curvature_and_torsion_are_derivatives(surface: AbstractSurface, u: float, v: float, chart: int) -> None:
+def test_metric_curvature_and_torsion_are_derivatives(
+    surface: AbstractSurface, u: float, v: float, chart: int
+) -> None:
     chart %= surface.chart_count
     M = surface.metric(u, v, chart)
     x, y = surface.tangents(u, v, chart)
@@ -59,7 +61,9 @@ def test_metric_curvature_and_torsion_are_derivatives(surface: AbstractSurface, 
 
 @charted
 @lightly
-def test_charts_are_orthogonal_and_frames_proper(surface: AbstractSurface, u: float, v: float, chart: int) -> None:
+def test_charts_are_orthogonal_and_frames_proper(
+    surface: AbstractSurface, u: float, v: float, chart: int
+) -> None:
     chart %= surface.chart_count
     R = surface.frame(u, v, chart)
     assert np.allclose(R.T @ R, np.eye(3), atol=1e-12)
@@ -74,7 +78,9 @@ def test_charts_are_orthogonal_and_frames_proper(surface: AbstractSurface, u: fl
 
 @charted
 @lightly
-def test_coordinates_invert_point_in_every_chart(surface: AbstractSurface, u: float, v: float, chart: int) -> None:
+def test_coordinates_invert_point_in_every_chart(
+    surface: AbstractSurface, u: float, v: float, chart: int
+) -> None:
     chart %= surface.chart_count
     p = surface.point(u, v, chart)
     back = surface.coordinates(p, chart)
@@ -86,7 +92,9 @@ def test_coordinates_invert_point_in_every_chart(surface: AbstractSurface, u: fl
 @pytest.mark.parametrize("surface", SURFACES, ids=repr)
 def test_the_chosen_chart_is_far_from_its_border_everywhere(surface: AbstractSurface) -> None:
     """The poles of every chart included: nothing is ever NaN or unbounded in the chart that suits the point."""
-    p = surface.project(np.concatenate([0.05 * np.random.default_rng(0).normal(size=(500, 3)), 0.05 * np.eye(3)]) + 1e-300)
+    p = surface.project(
+        np.concatenate([0.05 * np.random.default_rng(0).normal(size=(500, 3)), 0.05 * np.eye(3)]) + 1e-300
+    )
     if isinstance(surface, Cylinder):
         p = p[:-1]  # the last lies on the axis
     charts = surface.choose_chart(p)
