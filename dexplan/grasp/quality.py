@@ -19,8 +19,8 @@ from dexplan.spatial import Array
 
 _SAMPLES = 2048  # directions that are looked at, with their opposites, before the lowest are followed
 _APART = float(np.cos(np.radians(20.0)))  # directions to follow are at least this far from one another
-_ROUNDING = 0.1 ** np.arange(1.0, 9.5, 0.5)  # radii, relative to the largest gain, that round the kinks off
-_STEPS = 6  # of Newton's method per radius
+_ROUNDING = 0.1 ** np.arange(1.0, 9.5)  # radii, relative to the largest gain, that round the kinks off
+_STEPS = 5  # of Newton's method per radius
 _SHARES = 0.5 ** np.arange(10)
 _LONGEST = 0.3  # step [rad]
 
@@ -121,7 +121,7 @@ def compute_support(grasp: Grasp, directions: ArrayLike, length: float) -> Array
     return _support(normal, shear, np.asarray(directions, dtype=np.float64))
 
 
-def compute_ferrari_canny(grasp: Grasp, length: float, starts: int = 16, seed: int = 0) -> float:
+def compute_ferrari_canny(grasp: Grasp, length: float, starts: int = 64, seed: int = 0) -> float:
     """Return the radius [N] of the largest ball of wrenches that unit normal forces can resist.
 
     Torques are divided by ``length`` [m] (the radius of a sphere).  This is the Minkowski-sum form [Ferrari & Canny 1992]:
@@ -223,7 +223,10 @@ def _descend(normal: Array, shear: Array, d: Array) -> Array:
             )  # downhill also where the support bends the other way
             step = (vectors @ ((np.swapaxes(vectors, 1, 2) @ downhill[..., None]) / rate[..., None]))[..., 0]
             step *= np.minimum(1.0, _LONGEST / np.maximum(np.linalg.norm(step, axis=1), 1e-12))[:, None]
-            trials = np.concatenate([d[None], d + _SHARES[:, None, None] * step])
+            # A symmetric grasp has saddles, where Newton's step is zero: look along the least curvature as well.
+            aside = _LONGEST * vectors[:, :, 0]
+            shares = np.concatenate([_SHARES, -_SHARES])[:, None, None]
+            trials = np.concatenate([d[None], d + shares[: len(_SHARES)] * step, d + shares * aside])
             trials /= np.linalg.norm(trials, axis=2, keepdims=True)
             best = np.argmin(_support(normal, shear, trials, rounding), axis=0)
             d = trials[best, np.arange(len(d))]

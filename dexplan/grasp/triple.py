@@ -28,16 +28,17 @@ from dexplan.spatial import Array
 _PAIRS = np.array(list(combinations(range(6), 2)))
 _EDGE = 1e-12  # rows and edges have length 1: what rounding leaves of a zero
 _COLLINEAR = 1e-9  # area of the triangle over the square of its longest side
-_HALVINGS = 48
+_BITS = 48  # of the bracket
 _RIGHT = 0.5 * np.pi
 
 
 def compute_triple_margin(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) -> Array:
     """Return the friction angle to spare (...) [rad] of three hard fingers; the grasp is force closed iff it is positive.
 
-    The margin is continuous, and grows with mu as atan(mu) does where all three are equal.  It is exact to 1e-12 rad or so
-    where the grasp would close at some friction angle below 90 degrees, and is otherwise counted from there: atan(mu) - pi/2
-    for the largest mu.  It is -inf for collinear points, whose fingers cannot resist a torque about their line.
+    The margin is continuous, and grows with mu as atan(mu) does where all three are equal.  Where no friction closes the
+    grasp it counts from a right angle: atan(mu) - pi/2 for the largest mu.  It is -inf for collinear points, whose fingers
+    cannot resist a torque about their line.  It is exact to 1e-9 rad, and to 1e-6 where a force vanishes at the border,
+    as that of a third finger does beside a pair that holds by itself.
 
     Args:
         points: contact points (..., 3, 3) [m], one per row.
@@ -76,10 +77,16 @@ def compute_triple_margin(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) 
     low = theta.max(axis=1) - _RIGHT  # all angles grown until the largest is a right one
     high = (theta - tilt).min(axis=1)  # below its tilt a cone misses the plane
     high = np.maximum(high, low)
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        closed = _is_closed(forces, heading, tilt, theta - middle[:, None])
-        low, high = np.where(closed, middle, low), np.where(closed, high, middle)
+    # Few grasps are cut into many parts at once, many grasps into halves: numpy's cost per call is what counts.
+    parts = 2 if len(proper) > 64 else 64
+    shares = np.arange(1, parts) / parts
+    for _ in range(_BITS // (parts.bit_length() - 1)):
+        tried = low[:, None] + shares * (high - low)[:, None]
+        closed = _is_closed(forces, heading, tilt, theta[:, None] - tried[..., None])
+        # sectors only shrink from one part to the next, so that the closed ones come first
+        part, step = closed.sum(axis=1), (high - low) / parts
+        low = low + part * step
+        high = low + step
     margin[proper] = low
     return margin.reshape(shape)
 
@@ -115,29 +122,30 @@ def _read(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) -> tuple[Array, 
 
 
 def _is_closed(forces: Array, heading: Array, tilt: Array, theta: Array) -> NDArray[np.bool_]:
-    """Return whether (a, b, c) exist (N,) with all forces strictly inside their sectors.
+    """Return whether (a, b, c) exist (N, K) with all forces strictly inside their sectors, at K sets of friction angles.
 
-    ``forces`` (N, 3, 2, 3) maps them to forces in the plane; ``heading``, ``tilt`` and ``theta`` (N, 3) [rad] are the
-    direction of each sector, what its normal leans out of the plane, and the friction angle.
+    ``forces`` (N, 3, 2, 3) maps them to forces in the plane; ``heading`` and ``tilt`` (N, 3) [rad] are the direction of
+    each sector and what its normal leans out of the plane; ``theta`` (N, K, 3) [rad] are the friction angles.
     """
-    meets = theta > tilt
-    half = np.arccos(np.clip(np.cos(theta) / np.cos(np.where(meets, tilt, 0.0)), -1.0, 1.0))
-    left, right = heading + half, heading - half
+    # cos(half) = cos(theta) / cos(tilt), in a form that keeps its digits where the half width is small
+    width = np.sin(theta - tilt[:, None]) * np.sin(theta + tilt[:, None])
+    half = np.arctan2(np.sqrt(np.maximum(width, 0.0)), np.cos(theta))
+    left, right = heading[:, None] + half, heading[:, None] - half
     # inward normals of both rims: f inside iff both products are positive
     rims = np.stack(
         [
             np.stack([-np.sin(right), np.cos(right)], axis=-1),
             np.stack([np.sin(left), -np.cos(left)], axis=-1),
         ],
-        axis=2,
+        axis=3,
     )
-    rows = (rims @ forces).reshape(-1, 6, 3)
-    rows /= np.linalg.norm(rows, axis=2, keepdims=True)
-    edges = np.cross(rows[:, _PAIRS[:, 0]], rows[:, _PAIRS[:, 1]])
-    length = np.linalg.norm(edges, axis=2, keepdims=True)
+    rows = (rims @ forces[:, None]).reshape(*theta.shape[:2], 6, 3)
+    rows /= np.linalg.norm(rows, axis=-1, keepdims=True)
+    edges: Array = np.cross(rows[:, :, _PAIRS[:, 0]], rows[:, :, _PAIRS[:, 1]])
+    length: Array = np.linalg.norm(edges, axis=-1, keepdims=True)
     edges = np.where(length > _EDGE, edges / np.maximum(length, _EDGE), 0.0)
-    values = edges @ np.swapaxes(rows, 1, 2)
-    up, down = (values >= -_EDGE).all(axis=2), (values <= _EDGE).all(axis=2)
-    sign = np.where(length[..., 0] > _EDGE, up.astype(float) - down.astype(float), 0.0)
-    inside = (sign[:, :, None] * edges).sum(axis=1)
-    return meets.all(axis=1) & ((rows @ inside[:, :, None])[..., 0] > 1e-11).all(axis=1)
+    values = edges @ np.swapaxes(rows, -1, -2)
+    up, down = (values >= -_EDGE).all(axis=-1), (values <= _EDGE).all(axis=-1)
+    inside = np.einsum("nke,nkei->nki", up.astype(np.float64) - down, edges)
+    is_inside: NDArray[np.bool_] = ((rows @ inside[..., None])[..., 0] > 10.0 * _EDGE).all(axis=-1)
+    return is_inside & (theta > tilt[:, None]).all(axis=-1)
