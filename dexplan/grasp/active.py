@@ -21,9 +21,10 @@ _DEPENDENT = 1e-9
 
 
 class ActiveAnswer(NamedTuple):
-    """``x`` (n,) the optimum, ``multipliers`` (k,) of all rows (positive at an upper bound), ``rounds`` it took."""
+    """``x`` (n,) the optimum, the active ``rows`` with their ``multipliers`` (positive at an upper bound), ``rounds`` it took."""
 
     x: Array
+    rows: Indices
     multipliers: Array
     rounds: int
 
@@ -65,7 +66,9 @@ class ActiveRows:
             # x = aim - B' m with B x = b, so (B B') m = B aim - b
             self._rounds += 1
             B = D[rows]
-            b = np.where(sides > 0.0, upper[rows], lower[rows])
+            b = upper[rows]
+            if len(rows) > fixed:
+                b = np.where(sides > 0.0, b, lower[rows])
             factor, m, failed = _solve_gram(B, B @ aim - b)
             if failed:
                 return None
@@ -79,15 +82,13 @@ class ActiveRows:
                 value = D @ x
                 excess = np.maximum(value - upper, lower - value)
                 worst = int(excess.argmax())
-            wrong = sides * m < -_BOUND
-            wrong[:fixed] = False
-            if wrong.any():
-                rows, sides = rows[~wrong], sides[~wrong]
+            right = sides * m >= -_BOUND
+            right[:fixed] = True
+            if len(rows) > fixed and not right.all():
+                rows, sides = rows[right], sides[right]
             elif excess[worst] <= _BOUND:
                 self._rows, self._sides = rows, sides
-                multipliers = np.zeros(len(D))
-                multipliers[rows] = m
-                return ActiveAnswer(x, multipliers, self._rounds)
+                return ActiveAnswer(x, rows, m, self._rounds)
             else:
                 found = self._add(
                     D, m * sides, rows, sides, worst, float(excess[worst]), value[worst] > upper[worst]
@@ -138,7 +139,8 @@ def _solve_gram(B: Array, right: Array) -> tuple[Array, Array, bool]:
     if not len(B):
         return np.zeros((0, 0)), np.zeros(0), False
     S = B @ B.T
-    diagonal = S.ravel()[:: len(S) + 1]
-    diagonal += _RIDGE * diagonal.max()
-    factor, m, info = dposv(S, right)
+    S.ravel()[:: len(S) + 1] += _RIDGE * (S[0, 0] + S[-1, -1])
+    factor, m, info = dposv(
+        S.T, right, overwrite_a=True
+    )  # transposed: as LAPACK stores it, so that nothing is copied
     return factor, m, info != 0

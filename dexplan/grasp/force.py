@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dexplan.contact.friction import ContactModel
-from dexplan.grasp.active import ActiveRows
+from dexplan.grasp.active import ActiveAnswer, ActiveRows
 from dexplan.grasp.diagnosis import Loosening, diagnose, explain
 from dexplan.grasp.problem import ForceLimits, ForceProblem, ForceSettings
 from dexplan.grasp.program import ForceRows, Program
@@ -105,7 +105,7 @@ class ForceSolver:
         self._size = len(self._rows.p)
         self._active = ActiveRows(self._rows.fixed, exchanges)
         self._splitting = Splitting(self._rows.as_program(), self._rows.pattern, tolerance, max_iterations)
-        self._last: tuple[Array, Array] | None = None  # optimum and multipliers that OSQP has not seen
+        self._last: ActiveAnswer | None = None  # an optimum that OSQP has not seen
 
     def solve(
         self,
@@ -146,7 +146,7 @@ class ForceSolver:
         rows.write(problem)
         answer = self._active.solve(rows.D, rows.aim, rows.lower, rows.upper)
         if answer is not None:
-            self._last = (answer.x, answer.multipliers)
+            self._last = answer
             return self._as_solution(answer.x, "solved", problem, (), "active rows", answer.rounds)
         return self._solve_slowly(problem)
 
@@ -183,8 +183,9 @@ class ForceSolver:
         _check_finite(problem)
         rows, program = self._rows, self._rows.as_program()
         if self._last is not None:
-            x, multipliers = self._last
-            self._splitting.start(x / rows.root, multipliers)
+            multipliers = np.zeros(len(rows.D))
+            multipliers[self._last.rows] = self._last.multipliers
+            self._splitting.start(self._last.x / rows.root, multipliers)
             self._last = None
         status, y, method, iterations = self._iterate(program, problem)
         if status == "solved":

@@ -83,8 +83,9 @@ class ForceRows:
         self._G_scale = self.force_of_x / np.repeat([1.0, settings.length], 3)[:, None]
         rows_of, columns_of = np.nonzero(self.pattern[first_torque:])
         finger = rows_of // joints if joints else rows_of
-        self._torque_place = (first_torque + rows_of, columns_of)
-        self._map_index = (finger, rows_of - finger * joints, columns_of - starts[finger])
+        # places in the flattened matrix, and where their values stand in the flattened maps
+        self._torque_place = (first_torque + rows_of) * size + columns_of
+        self._map_index = rows_of * max(dims) + columns_of - starts[finger]
         self._map_scale = self.force_of_x[columns_of] / settings.reach
         self.map_width = max(dims)
         self.D = A / self.root
@@ -105,10 +106,12 @@ class ForceRows:
         lower[:6] -= band
         normal = self.groups["normal force"]
         lower[normal] = limits.normal_floor
-        np.minimum(limits.normal_ceiling, INFINITY, out=upper[normal])
+        upper[normal] = limits.normal_ceiling
         if joints:
             assert problem.torque_maps is not None
-            self.D[self._torque_place] = problem.torque_maps[self._map_index] * self._map_scale
+            self.D.ravel()[self._torque_place] = (
+                problem.torque_maps.ravel()[self._map_index] * self._map_scale
+            )
             torque, bias = self.groups["joint torque"], problem.torque_bias
             for bounds, limit, none in (
                 (lower, limits.torque_lower, -INFINITY),
@@ -118,9 +121,7 @@ class ForceRows:
                     bounds[torque] = none
                 else:
                     room = limit if bias is None else limit - bias
-                    bounds[torque] = np.minimum(
-                        np.maximum(room.ravel() / settings.reach, -INFINITY), INFINITY
-                    )
+                    bounds[torque] = room.ravel() / settings.reach
         self.aim[:] = 0.0
         self.aim[self.normal] = problem.target_normal
         if problem.previous is not None:
