@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from dexplan.contact.rolling import SAMPLES, RollingPath, join_paths, roll_turning, split_start
 from dexplan.contact.turning import build_turn, make_tangent
@@ -35,7 +36,8 @@ class RollingTriangle:
         alpha = atan2(sin(beta) cos(b/2), -(sin L sin(b/2) + cos L cos(beta) cos(b/2)))
         spin = 2 alpha - pi - gamma
 
-    with alpha the ball's angle at A between the first leg and the way from A to D.  docs/theory.md derives them.
+    with alpha the ball's angle at A between the first leg and the way from A to D.  docs/theory.md derives them.  A negative
+    displacement (a ball smaller than the tip) is reported as a positive one the other way.
 
     Raises ValueError for radii that are not positive, a leg outside (0, pi/2], or an apex not within (-pi, pi) or zero.
     """
@@ -84,9 +86,8 @@ class RollingTriangle:
 
     @property
     def displacement(self) -> float:
-        """Angle A-D [rad] that the contact gets ahead on the ball; negative (backwards) on a ball smaller than the tip."""
-        L, half = self._on_ball
-        return 2.0 * asin(cos(L) * sin(half) - sin(L) * cos(self.base_angle) * cos(half))
+        """Angle A-D [rad] that the contact gets ahead on the ball; zero where tip and ball are of one size."""
+        return abs(self._signed_displacement)
 
     @property
     def displacement_length(self) -> float:
@@ -95,22 +96,34 @@ class RollingTriangle:
 
     @property
     def first_angle(self) -> float:
-        """Angle [rad], to the left from outside, from the direction A to D to that of the first leg: -alpha for apex > 0."""
-        L, half = self._on_ball
-        beta = self.base_angle
-        alpha = atan2(sin(beta) * cos(half), -(sin(L) * sin(half) + cos(L) * cos(beta) * cos(half)))
+        """Angle [rad], to the left from outside, from the direction A to D to that of the first leg: -alpha for apex > 0.
+
+        On a ball smaller than the tip the cycle may go the other way: then half a turn more.
+        """
+        alpha = self._alpha if self._signed_displacement >= 0.0 else self._alpha - pi
         return -alpha if self.apex > 0.0 else alpha
 
     @property
     def spin(self) -> float:
         """Turn of the tip [rad] about the ball's outward normal at D, relative to parallel transport from A to D."""
-        size = 2.0 * abs(self.first_angle) - pi - abs(self.apex)
+        size = 2.0 * self._alpha - pi - abs(self.apex)
         return size if self.apex > 0.0 else -size
 
     @property
     def mirrored(self) -> RollingTriangle:
         """The mirror image: the same displacement, the opposite spin."""
         return RollingTriangle(self.tip_radius, self.object_radius, self.leg, -self.apex)
+
+    @property
+    def _signed_displacement(self) -> float:
+        L, half = self._on_ball
+        return 2.0 * asin(cos(L) * sin(half) - sin(L) * cos(self.base_angle) * cos(half))
+
+    @property
+    def _alpha(self) -> float:
+        L, half = self._on_ball
+        beta = self.base_angle
+        return atan2(sin(beta) * cos(half), -(sin(L) * sin(half) + cos(L) * cos(beta) * cos(half)))
 
     @property
     def _on_ball(self) -> tuple[float, float]:
@@ -150,22 +163,18 @@ def solve_apex(
 ) -> float | None:
     """Return the apex gamma in (0, apex_max] whose triangle displaces the contact by ``displacement`` [rad] > 0, or None.
 
-    Bisection: the displacement grows with the apex wherever it is positive and apex_max at most pi/2 or so; the answer is
-    checked, whatever the shape of the function.
+    Where the displacement grows beyond what is asked for before apex_max and falls below it again, None is returned, too.
     """
 
     def excess(apex: float) -> float:
         return RollingTriangle(tip_radius, object_radius, leg, apex).displacement - displacement
 
-    low, high = 0.0, min(apex_max, pi - 1e-9)
-    if high <= 0.0 or displacement <= 0.0 or excess(high) < -1e-13:
+    high = min(apex_max, pi - 1e-9)
+    if high <= 1e-9 or displacement <= 0.0 or excess(high) < -1e-13:
         return None
-    for _ in range(80):
-        apex = 0.5 * (low + high)
-        low, high = (apex, high) if excess(apex) < 0.0 else (low, apex)
-        if high - low < 1e-16:
-            break
-    return high if abs(excess(high)) < 1e-12 else None
+    if excess(high) <= 1e-13:
+        return high
+    return float(brentq(excess, 1e-9, high, xtol=1e-15, rtol=1e-14)) if excess(1e-9) < 0.0 else None
 
 
 def repeat_triangle(

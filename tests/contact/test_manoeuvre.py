@@ -29,7 +29,7 @@ from dexplan.spatial import Array
 triangles = st.builds(
     RollingTriangle,
     tip_radius=st.floats(0.008, 0.025),
-    object_radius=st.floats(0.026, 0.06),
+    object_radius=st.floats(0.007, 0.06),
     leg=st.floats(0.2, 0.5 * np.pi),
     apex=st.floats(0.1, 2.0).flatmap(lambda a: st.sampled_from([a, -a])),
 )
@@ -65,11 +65,12 @@ def test_the_end_is_as_predicted(triangle: RollingTriangle, seed: int) -> None:
 
 
 @given(triangles, attitudes)
-@settings(deadline=None, derandomize=True, max_examples=15)
+@settings(deadline=None, derandomize=True, max_examples=8)
 def test_closed_forms_agree_with_integration(triangle: RollingTriangle, seed: int) -> None:
     """Random r, R, lambda, gamma, poses and directions, through Montana's equations and whatever charts are met: 1e-9."""
     X, direction = _start(triangle, seed)
-    end, contact_F = _integrate(triangle, X, direction, 25)
+    steps = int(30 * max(1.0, triangle.tip_radius / triangle.object_radius))
+    end, contact_F = _integrate(triangle, X, direction, steps)
     assert np.allclose(end, triangle.end_pose(X, direction), atol=1e-9, rtol=0.0)
     n = X[:3, 3] / np.linalg.norm(X[:3, 3])
     assert np.allclose(contact_F, -X[:3, :3].T @ n, atol=1e-9, rtol=0.0)
@@ -185,23 +186,20 @@ def test_a_bend_ends_where_it_says(triangle: RollingTriangle, seed: int) -> None
 @lightly
 def test_apex_is_found_again(triangle: RollingTriangle) -> None:
     ahead = triangle.displacement
-    if abs(triangle.apex) <= 0.5 * np.pi:
-        found = solve_apex(
-            triangle.tip_radius, triangle.object_radius, triangle.leg, ahead, abs(triangle.apex)
-        )
-        assert found is not None
-        assert RollingTriangle(
-            triangle.tip_radius, triangle.object_radius, triangle.leg, found
-        ).displacement == (pytest.approx(ahead, abs=1e-12))
-        assert (
-            solve_apex(triangle.tip_radius, triangle.object_radius, triangle.leg, 1.01 * ahead, found) is None
-        )
+    # Where the ball is larger, the displacement grows with the apex up to 90 degrees at least.
+    if triangle.object_radius < 1.05 * triangle.tip_radius or abs(triangle.apex) > 0.5 * np.pi:
+        return
+    r, R, leg = triangle.tip_radius, triangle.object_radius, triangle.leg
+    found = solve_apex(r, R, leg, ahead, abs(triangle.apex))
+    assert found == pytest.approx(abs(triangle.apex), abs=1e-6)
+    assert RollingTriangle(r, R, leg, found).displacement == pytest.approx(ahead, abs=1e-12)
+    assert solve_apex(r, R, leg, 1.01 * ahead, found) is None
 
 
-def test_equal_radii_get_nowhere_and_a_smaller_ball_goes_back() -> None:
+def test_equal_radii_get_nowhere() -> None:
     assert RollingTriangle(0.03, 0.03, 1.0, 1.0).displacement == pytest.approx(0.0, abs=1e-15)
-    assert RollingTriangle(0.03, 0.02, 1.0, 1.0).displacement < 0.0
-    assert solve_apex(0.03, 0.02, 1.0, 0.01, 1.0) is None
+    assert RollingTriangle(0.03, 0.02, 1.0, 1.0).displacement > 0.1
+    assert solve_apex(0.03, 0.03, 1.0, 0.01, 1.0) is None
 
 
 def test_what_is_no_triangle_is_refused() -> None:
