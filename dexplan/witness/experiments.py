@@ -179,7 +179,7 @@ EXPERIMENTS = (
         load=lambda x: np.zeros(6),
         closed_form=lambda mu: 180.0 - 2.0 * math.degrees(math.atan(mu)),
         demand=lambda closed: 2.0,
-        span=(95.0, 175.0),
+        span=(90.0, 174.0),
     ),
     Experiment(
         name="triple",
@@ -219,7 +219,7 @@ EXPERIMENTS = (
         load=lambda x: np.array([0.0, 0.0, x, 0.0, 0.0, 0.0]),
         closed_form=lambda mu: 2.0 * mu * PRELOAD,
         demand=lambda closed: 0.1 * closed,
-        span=(2.0, 20.0),
+        span=(2.0, 22.0),
     ),
 )
 """The experiments of the phase diagram, by panel."""

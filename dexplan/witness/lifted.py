@@ -47,6 +47,10 @@ ANY_TORSION = 1.0
 """Torsional friction [m] of fingertips that could bear any torque about their normals: what is left is to balance forces."""
 BAND = 0.02
 """A margin nearer to zero than this predicts nothing."""
+SPIN_BAND = 0.15
+"""Spin is only predicted clearly where force balance has this margin.  A contact that turns at its limit while it uses the
+share u of its cone for force slides along by (mu_t / mu) u / sqrt(1 - u^2) per radian, which has no bound towards u = 1: what
+begins as a spin moves the contacts, and from little margin ends as a drop.  Here u = 0.85."""
 TRANSFER, DRAWN, RETREAT = 0.4, 0.3, 0.012
 """Time [s] in which the forces go over to the pair, time and way [m] in which the finger is drawn back."""
 LEAD = 0.1
@@ -77,7 +81,8 @@ class LiftedFinger:
     ``margin_three`` and ``margin_pair`` are load margins [-]; ``margin_pivot`` is the pair's with torsional friction that
     bears anything.  ``predicted`` is hold where the pair's margin is positive, spin where only torsion is missing, else drop
     (the chord leaves the cones: the tips slide or lose the ball).  ``is_clear`` says that the margins that decide are at
-    least :data:`BAND` from zero; ``agrees`` that what was observed is what was predicted.
+    least :data:`BAND` from zero (:data:`SPIN_BAND` for the force balance of a spin); ``agrees`` that what was observed is
+    what was predicted.
     """
 
     seed: int
@@ -102,13 +107,13 @@ class LiftedFinger:
         return asdict(self)
 
 
-def predict(margin_pair: float, margin_pivot: float, band: float = BAND) -> tuple[Kind, bool]:
+def predict(margin_pair: float, margin_pivot: float) -> tuple[Kind, bool]:
     """Return what the margins of a pair predict, and whether they are clear of zero."""
     if margin_pair > 0.0:
-        return Kind.HOLD, margin_pair > band
+        return Kind.HOLD, margin_pair > BAND
     if margin_pivot > 0.0:
-        return Kind.SPIN, margin_pair < -band and margin_pivot > band
-    return Kind.DROP, margin_pivot < -band
+        return Kind.SPIN, margin_pair < -BAND and margin_pivot > SPIN_BAND
+    return Kind.DROP, margin_pivot < -BAND
 
 
 def draw(seed: int) -> Draw:
@@ -131,8 +136,8 @@ def draw(seed: int) -> Draw:
 def lift(drawn: Draw) -> LiftedFinger | None:
     """Return what lifting does, or None where the grasp is none to begin with.
 
-    That is: fingertips too near to one another, a contact out of reach, torques beyond the servos, other geoms in touch, or
-    three fingers that would not hold with :data:`LEAST_MARGIN`.
+    That is: fingertips too near to one another, a contact out of reach, torques beyond the servos (of the three, and of a
+    pair that would not drop), other geoms in touch, or three fingers that would not hold with :data:`LEAST_MARGIN`.
     """
     model = SoftFinger(drawn.sliding, drawn.torsional)
     directions = dict(enumerate(drawn.directions))
@@ -160,6 +165,8 @@ def lift(drawn: Draw) -> LiftedFinger | None:
     stance = solve_stance(scene, directions, np.stack([three, alone]))
     if stance is None or stance.compute_torque_share(three) > 1.0:
         return None
+    if predicted is not Kind.DROP and stance.compute_torque_share(alone) > 1.0:
+        return None  # theory speaks of forces that the servos cannot give; where even those would not hold, it may
     samples = round((LEAD + TRANSFER + DRAWN + 3.0 * PULSE + REST) / (1e-3 * STEPS))
     time = np.arange(samples, dtype=np.float64) * (1e-3 * STEPS)
     forces = three + smooth((time - LEAD) / TRANSFER)[:, None, None] * (alone - three)

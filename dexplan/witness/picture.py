@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, Rectangle
 from dexplan.viz.palette import ALARM, FINGER_COLORS, INK
 from dexplan.witness.diagram import Boundary, CurvePoint, GridPoint, PhaseDiagram
 from dexplan.witness.experiments import EXPERIMENTS, Experiment
-from dexplan.witness.lifted import BAND, LiftedFinger
+from dexplan.witness.lifted import BAND, SPIN_BAND, LiftedFinger
 from dexplan.witness.outcome import Kind
 
 MARKS = {
@@ -62,7 +62,7 @@ def draw_diagram(diagram: PhaseDiagram, path: str | os.PathLike[str]) -> Path:
         0.934,
         f"Three fingers of six joints, servos with force limits, gravity; a {1e3 * settings['object_mass_kg']:.0f} g ball of "
         f"{1e3 * settings['object_radius_m']:.0f} mm, mean normal force {settings['preload_N']:.0f} N, "
-        f"soft fingers μ_t = μ × {1e3 * settings['torsional_over_sliding_m']:.2f} mm.\n"
+        f"soft fingers $\\mu_t = \\mu$ × {1e3 * settings['torsional_over_sliding_m']:.2f} mm.\n"
         "Each servo's command is worked out beforehand from posture, weight and wanted contact forces; no controller.",
         fontsize=10.5,
     )
@@ -136,9 +136,9 @@ def _describe_agreement(experiment: Experiment, boundaries: Sequence[Boundary], 
         return "no boundary found"
     if experiment.name in ("torsion", "shear"):
         worst = max(abs(b.difference or 0.0) / b.load_aware for b in found)
-        return f"simulated within {100 * worst:.1f} % of load aware (demanded: 10 %)"
+        return f"simulated within {100 * worst:.2f} % of load aware (demanded: 10 %)"
     worst = max(abs(b.difference or 0.0) for b in found)
-    digits = 2 if experiment.unit == "deg" else 4
+    digits = 3 if experiment.unit == "deg" else 4
     return f"simulated within {worst:.{digits}f}{unit} of load aware (demanded: {found[0].demand:g}{unit})"
 
 
@@ -160,7 +160,8 @@ def draw_lifted(cases: Sequence[LiftedFinger], path: str | os.PathLike[str]) -> 
     figure.text(
         0.06,
         0.905,
-        f"{sum(c.agrees for c in clear)} of {len(clear)} agree where the margins are clear of zero by {BAND:g}; "
+        f"{sum(c.agrees for c in clear)} of {len(clear)} agree where the margins are clear of zero "
+        f"(by {BAND:g}, the force balance of a spin by {SPIN_BAND:g}); "
         f"{sum(c.agrees for c in cases)} of {len(cases)} in all.",
         fontsize=11,
     )
@@ -179,7 +180,7 @@ def _draw_margins(ax: Axes, cases: Sequence[LiftedFinger]) -> None:
     ax.fill_between([0.0, high], low, 0.0, color=shades[Kind.SPIN], zorder=0, linewidth=0.0)
     ax.fill_between([low, 0.0], low, high, color=shades[Kind.DROP], zorder=0, linewidth=0.0)
     for x, y, word in (
-        (0.98, 0.95, "predicted: holds"),
+        (0.70, 0.95, "predicted: holds"),
         (0.98, -0.97, "predicted: spins"),
         (-0.98, 0.95, "predicted: drops"),
     ):
@@ -209,6 +210,10 @@ def _draw_margins(ax: Axes, cases: Sequence[LiftedFinger]) -> None:
             *np.clip(np.array(wrong), low, high).T, marker="o", color="none", markeredgecolor=INK, markeredgewidth=1.6,
             markersize=15, linestyle="", label=f"not as predicted ({len(wrong)})", zorder=4, clip_on=False,
         )  # fmt: skip
+    # Where the margins predict nothing clearly.
+    ax.fill_between([0.0, high], -BAND, BAND, color="#00000018", zorder=0.5, linewidth=0.0)
+    ax.fill_between([0.0, SPIN_BAND], low, -BAND, color="#00000018", zorder=0.5, linewidth=0.0)
+    ax.fill_between([-BAND, 0.0], low, BAND, color="#00000018", zorder=0.5, linewidth=0.0)
     ax.axhline(0.0, color=INK, linewidth=0.8, zorder=1)
     ax.axvline(0.0, color=INK, linewidth=0.8, zorder=1)
     ax.set_xlim(low, high)
@@ -261,7 +266,7 @@ def _draw_table(ax: Axes, cases: Sequence[LiftedFinger]) -> None:
     ax.text(
         0.0,
         len(rows) + 0.15,
-        f"Grasps whose margins are clear of zero by {BAND:g};\nthe others are listed in lifted_fingers.json.\n"
+        "Large: grasps whose margins are clear of zero;\nthe others are listed in lifted_fingers.json.\n"
         "A chord outside the cones lets tips slide:\nslip and drop are the same prediction.",
         fontsize=9,
         va="top",

@@ -36,6 +36,7 @@ def main(arguments: Sequence[str] | None = None, description: str | None = None)
     parser.add_argument(
         "--grasps", type=int, help=f"lifted fingers (default: {GRASPS}, coarse {COARSE_GRASPS})"
     )
+    parser.add_argument("--seed", type=int, default=0, help="the first seed of the lifted fingers")
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args(arguments)
     diagram = measure_diagram(asked.coarse, asked.workers, _bar("phase diagram"))
@@ -55,7 +56,7 @@ def main(arguments: Sequence[str] | None = None, description: str | None = None)
     print(f"{diagram.settings['run_time_s']:.0f} s\n")
     begin = time.perf_counter()
     count = asked.grasps or (COARSE_GRASPS if asked.coarse else GRASPS)
-    cases = list(_bar("lifted fingers")(lift_many(count, asked.workers), count))
+    cases = list(_bar("lifted fingers")(lift_many(count, asked.workers, asked.seed), count))
     spent = time.perf_counter() - begin
     _write_json(asked.out / "lifted_fingers.json", describe_cases(cases, spent))
     draw_lifted(cases, asked.out / "lifted_fingers.png")
@@ -109,7 +110,8 @@ def tabulate_cases(cases: Sequence[LiftedFinger]) -> str:
         lines.append(f"{predicted:<12}" + "".join(f"{cell:>14}" for cell in cells))
     clear = [c for c in cases if c.is_clear]
     lines.append(
-        f"{sum(c.agrees for c in clear)} of {len(clear)} agree where margins are at least {lifted.BAND:g} from zero, "
+        f"{sum(c.agrees for c in clear)} of {len(clear)} agree where margins are clear of zero "
+        f"(by {lifted.BAND:g}, the force balance of a spin by {lifted.SPIN_BAND:g}), "
         f"{sum(c.agrees for c in cases)} of {len(cases)} in all"
     )
     lines += [
@@ -132,6 +134,7 @@ def describe_cases(cases: Sequence[LiftedFinger], spent: float) -> dict[str, Any
             "sliding": lifted.SLIDING,
             "torsional_over_sliding_m": lifted.PATCH,
             "band": lifted.BAND,
+            "spin_band": lifted.SPIN_BAND,
             "least_margin_of_three": lifted.LEAST_MARGIN,
             "run_time_s": round(spent, 1),
         },

@@ -6,7 +6,7 @@ here besides is the geometry of rolling: where the contact and the tip ended aga
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -14,10 +14,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
+from dexplan.contact.manoeuvre import RollingTriangle
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
 from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import end_placement, follow_roll
+from dexplan.planning.roll_gait import as_roll, build_roll, end_placement, follow_roll
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.replay import replay
@@ -25,8 +26,8 @@ from dexplan.sim.trace import Trace
 from dexplan.sim.validate import ValidationReport
 from dexplan.spatial import Array, build_frame
 
-START_DEG = ((-38.0, 0.0), (102.0, 0.0), (212.0, 0.0))
-"""Two fingers hold the ball; the third stands midway between them on the far side and rolls."""
+START_DEG = ((-38.0, 0.0), (102.0, 0.0), (240.0, 0.0))
+"""Two fingers hold the ball; the third stands in front of its base, where it has most room, and rolls."""
 ROLLING_FINGER = 2
 
 
@@ -117,6 +118,59 @@ def _build_action(hold: Action, contacts: tuple[Placement | None, ...], leg: Rol
         why="a trial of rolling",
         rolls=(leg,),
     )
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A trial that the finger cannot follow, and why."""
+
+    heading_deg: float
+    reason: str
+
+
+def sweep_straight(
+    problem: Problem, angle: float, headings_deg: Sequence[float]
+) -> Iterator[RollTrial | Refusal]:
+    """Yield a straight roll over ``angle`` [rad] of the ball for every heading that the finger can follow."""
+    start = _find_start(problem)
+    hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
+    count = max(25, int(np.ceil(np.degrees(angle))) + 1)
+    for heading in headings_deg:
+        leg = build_roll(hand, start, compute_heading(start, np.radians(heading)), angle, count)
+        yield _try(problem, [[leg]], heading)
+
+
+def sweep_triangles(
+    problem: Problem, leg: float, apex: float, headings_deg: Sequence[float]
+) -> Iterator[RollTrial | Refusal]:
+    """Yield a rolling triangle of ``leg`` and ``apex`` [rad] towards every heading that the finger can follow.
+
+    Where the finger cannot follow a triangle it may still follow its mirror image, which gets as far.
+    """
+    start = _find_start(problem)
+    radius = float(np.linalg.norm(start.point_O))
+    triangle = RollingTriangle(problem.hand.tip_radii_m[start.finger], radius, leg, apex)
+    for heading in headings_deg:
+        direction = compute_heading(start, np.radians(heading))
+        paths = [t.roll(start.X_OF, direction, 181) for t in (triangle, triangle.mirrored)]
+        yield _try(problem, [[as_roll(start.finger, p, k) for k in range(3)] for p in paths], heading)
+
+
+def _find_start(problem: Problem) -> Placement:
+    start = pipeline.plan(problem).start_contacts[ROLLING_FINGER]
+    assert start is not None
+    return start
+
+
+def _try(problem: Problem, ways: list[list[Roll]], heading: float) -> RollTrial | Refusal:
+    """Run the first of several ways that the finger can follow."""
+    reason = ""
+    for legs in ways:
+        plan, why = build_roll_plan(problem, legs)
+        if plan is not None:
+            return run_trial(problem, plan, heading)[0]
+        reason = reason or why
+    return Refusal(heading, reason)
 
 
 def run_trial(problem: Problem, plan: Plan, heading_deg: float) -> tuple[RollTrial, Trace, ValidationReport]:
