@@ -7,6 +7,7 @@ joint range, dexterity, and the angle to the border of what lies before the fing
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -14,17 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.planning.icosphere import Icosphere, build_icosphere
+from dexplan.planning.pointing import can_point, is_same_finger, move_to_base, solve_pointing
 from dexplan.planning.spherical import FINE, LevelSet
-from dexplan.scene.chain import (
-    IK_DAMPING,
-    IK_MAX_STEP,
-    Chain,
-    compute_dexterity,
-    compute_joint_margin,
-    wrap_to_limits,
-)
+from dexplan.scene.chain import compute_dexterity, compute_joint_margin, wrap_to_limits
 from dexplan.scene.workspace import Workspace, compute_aligned_pose
-from dexplan.spatial import Array, hat, read_only
+from dexplan.spatial import Array, read_only
 
 COARSE = 3
 """Level of the grid at which every direction before the finger is asked; those near the border are asked down to the finest."""
@@ -32,8 +27,12 @@ SIGHT = float(np.radians(85.0))
 """Directions farther than this from the finger's own are not tried."""
 NEAR = 0.02
 """Values nearer to zero than this may hide a border between them [rad]."""
-LENGTH = 0.06
-"""A radian weighs as much as this distance [m]."""
+CALM = 0.12
+"""With this much dexterity beyond its limit it does not fall below it within a triangle: it changes slower than the direction."""
+CLIFF = 0.15
+"""A margin this far below zero next to one above it is taken for another branch [rad]."""
+PASSES = 2
+"""Rounds per level in which a border that runs on into triangles not asked about is followed."""
 _JUMP = 0.5
 """Postures of neighbours that differ more than this lie on different branches [rad]."""
 
@@ -46,234 +45,232 @@ class ContactLimits:
     dexterity: float
 
 
+@dataclass(frozen=True)
+class Toucher:
+    """A finger that touches a sphere: its ``workspace``, its tip's place ``home`` [m] in its home posture, and the ``distance``
+    [m] between the centres of tip and sphere.
+    """
+
+    workspace: Workspace
+    home: tuple[float, float, float]
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Directions (N, 3) to touch along, for one finger, with postures to start from (N, J)."""
+
+    finger: Toucher
+    limits: ContactLimits
+    center: Array
+    front: Array
+    directions: Array
+    seeds: Array
+    iterations: int
+    tolerance: float
+    dexterity: Array
+    """Dexterity (N,) where it is known well enough, NaN where it is asked for."""
+
+
+Answer = tuple[Array, Array, NDArray[np.bool_], Array]
+"""Field (N,) [rad], postures (N, J), whether these touch (N,), and their dexterity (N,)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Contactable:
     """CWS_i of one finger on a sphere at one position, over the directions of ``grid``, in the axes of the workspace.
 
     ``margin`` (V,) is the field [rad], positive inside; values far from its zero level are interpolated.  ``postures`` (V, J)
-    [rad] reach the vertices of ``is_solved`` (V,).  ``distance`` is the tip centre's from the object's centre [m], ``front``
-    (3,) the finger's own direction.
+    [rad] touch at the vertices of ``is_solved`` (V,).  ``front`` (3,) is the finger's own direction.
     """
 
     grid: Icosphere
-    workspace: Workspace
+    finger: Toucher
     limits: ContactLimits
     center: Array
     front: Array
-    distance: float
     margin: Array
     postures: Array
     is_solved: NDArray[np.bool_]
 
     def compute_margin(self, directions: Array) -> Array:
         """Return the field (N,) [rad] at unit vectors (N, 3) exactly: the inverse kinematics is solved there."""
-        return self.solve(directions)[0]
-
-    def solve(self, directions: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return field (N,) [rad], postures (N, J) and whether they reach (N,) for unit vectors (N, 3)."""
         margin = np.full(len(directions), -SIGHT)
-        q = np.zeros((len(directions), self.workspace.chain.n_joints))
-        reached = np.zeros(len(directions), dtype=bool)
-        near = (
-            np.flatnonzero(directions @ self.front > np.cos(SIGHT))
-            if len(self.workspace.postures)
-            else np.zeros(0, int)
+        near = np.flatnonzero(directions @ self.front > np.cos(SIGHT))
+        if len(near) and len(self._solved):
+            d = directions[near]
+            seeds = self.postures[self._solved[np.argmax(d @ self._solved_vertices, axis=1)]]
+            margin[near] = self._ask(d, seeds)
+            # Where that does not touch, the nearest sampled posture may lead to another branch.
+            rows = near[margin[near] < 0.0]
+            if len(rows):
+                d = directions[rows]
+                seeds = self.finger.workspace.find_seeds(self.center + self.finger.distance * d, -d)
+                margin[rows] = np.maximum(margin[rows], self._ask(d, seeds))
+        return margin
+
+    def _ask(self, directions: Array, seeds: Array) -> Array:
+        unknown = np.full(len(directions), np.nan)
+        question = Question(
+            self.finger, self.limits, self.center, self.front, directions, seeds, 12, 1e-5, unknown
         )
-        if len(near):
-            seeds = (
-                self.postures[self._solved[self._nearest_solved(directions[near])]]
-                if len(self._solved)
-                else None
-            )
-            margin[near], q[near], reached[near] = _ask(self, directions[near], seeds)
-        return margin, q, reached
+        return _answer([question])[0][0]
 
     @cached_property
     def _solved(self) -> NDArray[np.intp]:
         return np.flatnonzero(self.is_solved)
 
-    def _nearest_solved(self, directions: Array) -> NDArray[np.intp]:
-        return np.argmax(directions @ self.grid.vertices[self._solved].T, axis=1)
-
-    def as_level_set(self) -> LevelSet:
-        """Return the field as a level set in the axes of the workspace."""
-        return LevelSet(self.grid, self.margin, self.compute_margin)
+    @cached_property
+    def _solved_vertices(self) -> Array:
+        return read_only(self.grid.vertices[self._solved].T)
 
 
-@lru_cache(maxsize=48)
+@lru_cache(maxsize=24)
 def compute_contactable(
-    workspace: Workspace,
-    limits: ContactLimits,
-    home: tuple[float, float, float],
-    center: tuple[float, float, float],
-    distance: float,
-) -> LevelSet:
-    """Return CWS_i, in the axes of the workspace, of the finger with ``workspace`` and its tip at ``home`` [m] when at home.
+    fingers: tuple[Toucher, ...], limits: ContactLimits, center: tuple[float, float, float]
+) -> tuple[LevelSet, ...]:
+    """Return CWS_i of every finger on a sphere about ``center`` (3,) [m], in the axes of the workspaces; the last are kept."""
+    # Every finger's grid is refined by itself; their questions are answered together.
+    work = [_refine(finger, limits, np.array(center)) for finger in fingers]
+    asked = dict(enumerate(map(next, work)))
+    done: dict[int, Contactable] = {}
+    while asked:
+        answers = _answer([q for q in asked.values() if q is not None])
+        given = iter(answers)
+        for i, question in list(asked.items()):
+            try:
+                asked[i] = work[i].send(None if question is None else next(given))
+            except StopIteration as end:
+                done[i] = end.value
+                del asked[i]
+    return tuple(LevelSet(done[i].grid, done[i].margin, done[i].compute_margin) for i in range(len(fingers)))
 
-    The object is a sphere about ``center`` [m]; a touching tip's centre is ``distance`` [m] away from it.  The last are kept.
-    """
-    grid = build_icosphere(COARSE)
-    front = np.subtract(home, center)
-    front = read_only(front / np.linalg.norm(front))
-    chain = workspace.chain
-    field = Contactable(
-        build_icosphere(FINE), workspace, limits, read_only(center), front, distance,
-        np.zeros(0), np.zeros((0, chain.n_joints)), np.zeros(0, dtype=bool),
-    )  # fmt: skip
-    off = SIGHT - np.arccos(np.clip(grid.vertices @ front, -1.0, 1.0))
-    margin, q = off.copy(), np.zeros((len(off), chain.n_joints))
-    solved, exact = np.zeros(len(off), dtype=bool), off < -2.0 * grid.spacing
-    ask = np.flatnonzero(~exact) if len(workspace.postures) else np.zeros(0, dtype=np.intp)
-    if not len(ask):
-        margin = np.minimum(margin, -SIGHT)
-        exact[:] = True
-    else:
-        margin[ask], q[ask], solved[ask] = _ask(field, grid.vertices[ask], None)
-        exact[ask] = True
-    for level in range(COARSE + 1, FINE + 1):
-        grid = build_icosphere(level)
-        a, b = grid.parents.T
-        joined = solved[a] & solved[b] & (np.abs(q[a] - q[b]).max(axis=1) < _JUMP)
-        middle = np.where(joined[:, None], 0.5 * (q[a] + q[b]), np.where(solved[a, None], q[a], q[b]))
-        seeded = np.concatenate([solved, solved[a] | solved[b]])
-        margin, q = grid.extend(margin), np.concatenate([q, middle])
-        solved = np.concatenate([solved, np.zeros(len(a), dtype=bool)])
-        exact = np.concatenate([exact, np.zeros(len(a), dtype=bool)])
-        far = grid.vertices @ front < np.cos(SIGHT + 2.0 * grid.spacing)
-        for _ in range(4):
-            values = margin[grid.triangles]
-            crossed = (values.min(axis=1) < NEAR) & (values.max(axis=1) > -NEAR)
-            wanted = np.zeros(len(margin), dtype=bool)
-            wanted[grid.triangles[crossed]] = True
-            ask = np.flatnonzero(wanted & ~exact & ~far)
-            if not len(ask) or not len(workspace.postures):
+
+def _refine(
+    finger: Toucher, limits: ContactLimits, center: Array
+) -> Generator[Question | None, Answer | None, Contactable]:
+    """Build the field of one finger from coarse to fine; yields questions (None for nothing to ask), is sent the answers."""
+    grid, workspace = build_icosphere(COARSE), finger.workspace
+    front = np.array(finger.home) - center
+    front /= np.linalg.norm(front)
+    margin = SIGHT - np.arccos(np.clip(grid.vertices @ front, -1.0, 1.0))
+    q = np.zeros((len(margin), workspace.chain.n_joints))
+    solved, exact = np.zeros(len(margin), dtype=bool), margin < -1.2 * grid.spacing
+    seeded, dexterity, far = solved.copy(), np.zeros(len(margin)), exact.copy()
+    if not len(workspace.postures):
+        yield None  # nothing is reached, so there is nothing to ask
+        grid = build_icosphere(FINE)
+        count = len(grid.vertices)
+        nowhere, none = np.full(count, -SIGHT), np.zeros(count, dtype=bool)
+        return Contactable(grid, finger, limits, center, front, nowhere, np.zeros((count, q.shape[1])), none)
+
+    def ask(rows: NDArray[np.intp]) -> Question:
+        directions = grid.vertices[rows]
+        seeds, bare = q[rows], ~seeded[rows]
+        touching = np.flatnonzero(solved & (margin > 0.0))
+        if len(touching):
+            # Newton steps from a sample may have failed, or ended on another branch, where a neighbour's posture leads on.
+            nearest = np.argmax(directions[bare] @ grid.vertices[touching].T, axis=1)
+            seeds[bare] = q[touching[nearest]]
+        else:
+            seeds[bare] = workspace.find_seeds(center + finger.distance * directions[bare], -directions[bare])
+        # Coarse values only guide; what lies beside the border is asked again, closely, at the last level.
+        iterations, tolerance = 8 if level == COARSE else 4, 3e-4 if level == FINE else 1e-2
+        known = np.full(len(rows), np.nan)
+        if level > COARSE:
+            # Between far from singular postures it stays so: what decides is the joints.
+            plain = seeded[rows] & (dexterity[rows] > limits.dexterity + CALM)
+            known[plain] = dexterity[rows][plain]
+        return Question(finger, limits, center, front, directions, seeds, iterations, tolerance, known)
+
+    for level in range(COARSE, FINE + 1):
+        if level > COARSE:
+            grid = build_icosphere(level)
+            a, b = grid.parents.T
+            joined = solved[a] & solved[b] & (np.abs(q[a] - q[b]).max(axis=1) < _JUMP)
+            middle = np.where(joined[:, None], 0.5 * (q[a] + q[b]), np.where(solved[a, None], q[a], q[b]))
+            seeded = np.concatenate([solved, solved[a] | solved[b]])
+            margin, dexterity, q = grid.extend(margin), grid.extend(dexterity), np.concatenate([q, middle])
+            solved = np.concatenate([solved, np.zeros(len(a), dtype=bool)])
+            exact = grid.vertices @ front < np.cos(SIGHT + 1.2 * grid.spacing)
+            far = exact.copy()
+        for round_ in range(PASSES + 1):
+            # The first level asks everywhere, the others in triangles that a border may cross.
+            rows = np.flatnonzero(~exact & (True if level == COARSE else grid.find_crossed(margin, NEAR)))
+            is_last = not len(rows) or round_ == PASSES
+            if is_last:
+                # Beside what touches, margins do not fall off a cliff: ask again from a posture that touches.
+                steep = 0.0 if level == COARSE else -CLIFF
+                rows = np.flatnonzero(grid.find_crossed(margin, 0.0) & (margin < steep) & ~far)
+                seeded[rows] = False
+            if len(rows):
+                answer = yield ask(rows)
+                assert answer is not None
+                better = answer[0] > margin[rows] if is_last else np.ones(len(rows), dtype=bool)
+                rows = rows[better]
+                margin[rows], q[rows], solved[rows], dexterity[rows] = (part[better] for part in answer)
+                exact[rows] = True
+            if is_last:
                 break
-            with_seed = seeded[ask]
-            for rows, seeds in ((ask[with_seed], q[ask[with_seed]]), (ask[~with_seed], None)):
-                if len(rows):
-                    margin[rows], q[rows], solved[rows] = _ask(field, grid.vertices[rows], seeds)
-            exact[ask] = True
     return Contactable(
-        grid, workspace, limits, field.center, front, distance, read_only(margin), read_only(q), solved
-    ).as_level_set()
+        grid, finger, limits, read_only(center), read_only(front), read_only(margin), read_only(q), solved
+    )  # fmt: skip
 
 
-def _ask(
-    field: Contactable, directions: Array, seeds: Array | None
-) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return field (N,), postures (N, J) and whether they reach (N,), starting from ``seeds`` or the nearest samples."""
-    chain, limits = field.workspace.chain, field.limits
-    off = SIGHT - np.arccos(np.clip(directions @ field.front, -1.0, 1.0))
-    if not chain.has_tip_roll:
-        X = compute_aligned_pose(field.center, directions, field.distance)
-        q, reached = field.workspace.solve(X)
-        dexterity = compute_dexterity(chain, q)
-    else:
-        tips = field.center + field.distance * directions
-        if seeds is None:
-            seeds = field.workspace.find_seeds(tips, -directions)
-        q, reached, dexterity = solve_pointing(chain, tips, -directions, seeds)
-        q = wrap_to_limits(chain, q)
+def _answer(questions: list[Question]) -> list[Answer]:
+    """Answer questions; those of equal fingers, wherever they stand, in one go."""
+    found: dict[int, tuple[Array, NDArray[np.bool_], Array]] = {}
+    left = list(range(len(questions)))
+    while left:
+        chain = questions[left[0]].finger.workspace.chain
+        group = [
+            n
+            for n in left
+            if is_same_finger(chain, questions[n].finger.workspace.chain)
+            and questions[n].iterations == questions[left[0]].iterations
+        ]
+        if can_point(chain):
+            goals = [
+                move_to_base(
+                    questions[n].finger.workspace.chain,
+                    questions[n].center + questions[n].finger.distance * questions[n].directions,
+                    -questions[n].directions,
+                )
+                for n in group
+            ]
+            positions, poles = (np.concatenate(part) for part in zip(*goals, strict=True))
+            seeds = np.concatenate([questions[n].seeds for n in group])
+            q, reached, dexterity = solve_pointing(
+                chain,
+                positions,
+                poles,
+                seeds,
+                iterations=questions[group[0]].iterations,
+                tolerance=questions[group[0]].tolerance,
+                is_asked=np.isnan(np.concatenate([questions[n].dexterity for n in group])),
+            )
+            ends = np.cumsum([len(questions[n].directions) for n in group])[:-1]
+            for n, *parts in zip(group, *(np.split(x, ends) for x in (q, reached, dexterity)), strict=True):
+                found[n] = (parts[0], parts[1], parts[2])
+        else:
+            for n in group:
+                ask = questions[n]
+                X_WF = compute_aligned_pose(ask.center, ask.directions, ask.finger.distance)
+                q, reached = ask.finger.workspace.solve(X_WF)
+                found[n] = (q, reached, compute_dexterity(ask.finger.workspace.chain, q))
+        left = [n for n in left if n not in group]
+    return [_judge(question, *found[n]) for n, question in enumerate(questions)]
+
+
+def _judge(question: Question, q: Array, reached: NDArray[np.bool_], dexterity: Array) -> Answer:
+    """Return what postures (N, J) have to spare."""
+    chain, limits = question.finger.workspace.chain, question.limits
+    dexterity = np.where(np.isnan(question.dexterity), dexterity, question.dexterity)
+    q = wrap_to_limits(chain, q)
+    if can_point(chain) or chain.has_tip_roll:
         q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
     margin = np.minimum(compute_joint_margin(chain, q) - limits.joint_margin, dexterity - limits.dexterity)
     # Beyond the last posture the dexterity counts as zero: what is not reached lies behind a singular posture.
     margin = np.where(reached, margin, -max(limits.dexterity, 0.05))
-    return np.minimum(margin, off), q, reached
-
-
-def solve_pointing(
-    chain: Chain,
-    positions: Array,
-    poles: Array,
-    q_start: Array,
-    *,
-    iterations: int = 12,
-    tolerance: float = 1e-4,
-) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Return postures (N, J) whose tips are at ``positions`` (N, 3) [m] with poles (N, 3), whether reached (N,), dexterity (N,).
-
-    For chains of six joints whose last turns the tip about its pole: the spin is left as it comes out.  Newton steps from
-    ``q_start`` (N, J), one more after the error (radians, and metres in units of ``LENGTH``) has fallen below ``tolerance``:
-    what is then left is its square.  The dexterity is that of the posture before this last step.
-    """
-    q = np.array(q_start, dtype=np.float64)
-    reached, dexterity = np.zeros(len(q), dtype=bool), np.zeros(len(q))
-    active = np.arange(len(q))
-    for _ in range(iterations):
-        z, p, J = _walk(chain, q[active])
-        goal = poles[active]
-        error = np.empty((len(active), 6))
-        error[:, :3] = (positions[active] - p) / LENGTH
-        for k in range(3):
-            m, n = (k + 1) % 3, (k + 2) % 3
-            error[:, 3 + k] = z[:, m] * goal[:, n] - z[:, n] * goal[:, m]
-        done = (np.abs(error).max(axis=1) < tolerance) & ((z * goal).sum(axis=1) > 0.0)
-        try:
-            # The last joint takes up whatever spin the others bring about.
-            move = np.linalg.solve(J, error[:, :, None])[:, :, 0]
-        except np.linalg.LinAlgError:  # some posture is exactly singular
-            JT = J.swapaxes(1, 2)
-            move = np.linalg.solve(JT @ J + IK_DAMPING * np.eye(6), JT @ error[:, :, None])[:, :, 0]
-        longest = np.abs(move).max(axis=1, keepdims=True)
-        q[active] += move * np.minimum(1.0, IK_MAX_STEP / np.maximum(longest, 1e-12))
-        if done.any():
-            rows = active[done]
-            reached[rows] = True
-            squares = np.linalg.eigvalsh(J[done] @ J[done].swapaxes(1, 2))
-            dexterity[rows] = np.sqrt(np.maximum(squares[:, 0], 0.0))
-            active = active[~done]
-            if not len(active):
-                break
-    return q, reached, dexterity
-
-
-def _walk(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
-    """Return poles (N, 3), tip centres (N, 3) [m] and Jacobians (N, 6, J) with lengths in units of ``LENGTH``."""
-    count, joints = q.shape
-    # Columns of the rotation, each (3, N): joint frames keep their z along the hinge, so that a turn mixes two columns.
-    A = np.empty((3, 3, count))
-    A[:] = np.eye(3)[:, :, None]
-    p = np.zeros((3, count))
-    axes, arms = np.empty((joints, 3, count)), np.empty((joints, 3, count))
-    cosine, sine = np.cos(q.T), np.sin(q.T)
-    for j, step in enumerate(_align(chain)):
-        # Three rows turn the frame, the fourth carries its origin along.
-        moved = (step @ A.reshape(3, -1)).reshape(4, 3, count)
-        p += moved[3]
-        if j < joints:
-            c, s = cosine[j], sine[j]
-            A = moved[:3]
-            turned = c * A[0] + s * A[1]
-            A[1] = c * A[1] - s * A[0]
-            A[0] = turned
-            axes[j], arms[j] = A[2], p
-    np.subtract(p, arms, out=arms)
-    arms /= LENGTH
-    J = np.empty((count, 6, joints))
-    J[:, 3:] = axes.transpose(2, 1, 0)
-    for k in range(3):
-        m, n = (k + 1) % 3, (k + 2) % 3
-        J[:, k] = (axes[:, m] * arms[:, n] - axes[:, n] * arms[:, m]).T
-    return moved[2].T, p.T, J
-
-
-@lru_cache(maxsize=64)
-def _align(chain: Chain) -> tuple[Array, ...]:
-    """Return each joint frame, z along its hinge, in the one before: axes and origin as rows (4, 3); the tip's comes last."""
-    steps, undo = [], np.eye(3)
-    for offset, axis in zip(chain.offsets, chain.axes, strict=True):
-        turn = _turn_to(axis)
-        steps.append(np.vstack([(undo @ offset[:3, :3] @ turn).T, undo @ offset[:3, 3]]))
-        undo = turn.T
-    steps.append(np.vstack([(undo @ chain.X_JF[:3, :3]).T, undo @ chain.X_JF[:3, 3]]))
-    return tuple(steps)
-
-
-def _turn_to(axis: Array) -> Array:
-    """Return a rotation (3, 3) whose third column is the unit ``axis`` (3,)."""
-    v = np.cross([0.0, 0.0, 1.0], axis)
-    c = float(axis[2])
-    if c < -1.0 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    K = hat(v)
-    return np.asarray(np.eye(3) + K + K @ K / (1.0 + c))
+    off = SIGHT - np.arccos(np.clip(question.directions @ question.front, -1.0, 1.0))
+    return np.minimum(margin, off), q, reached, np.where(reached, dexterity, 0.0)

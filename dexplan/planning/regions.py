@@ -15,7 +15,7 @@ import numpy as np
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.contact.shapes import Sphere
-from dexplan.planning.contactable import ContactLimits, compute_contactable
+from dexplan.planning.contactable import ContactLimits, Toucher, compute_contactable
 from dexplan.planning.hand import HandModel
 from dexplan.planning.spherical import SphericalRegion, build_cap, build_closure
 from dexplan.scene.description import ContactCone
@@ -110,14 +110,14 @@ def compute_regions(
     X_PO = X_WO if X_WP is None else invert_pose(np.asarray(X_WP)) @ X_WO
     limits = ContactLimits(hand.limits.joint_margin, hand.limits.dexterity)
     # Positions that agree to a tenth of a nanometre share one computation.
-    x, y, z = (float(v) for v in np.round(X_PO[:3, 3], 10) + 0.0)
     R_GO = read_only(X_PO[:3, :3])
     cones = [build_cap(cone.axis_O, cone.half_angle, R_GO) for cone in allowed]
+    touchers = tuple(
+        Toucher(workspace, _as_tuple(home), surface.radius + finger.tip_radius)
+        for finger, workspace, home in zip(hand.fingers, hand.workspaces, hand.p_WF_home, strict=True)
+    )
     contactable = []
-    for i, (finger, workspace) in enumerate(zip(hand.fingers, hand.workspaces, strict=True)):
-        level = compute_contactable(
-            workspace, limits, _home_tip(hand, i), (x, y, z), surface.radius + finger.tip_radius
-        )
+    for i, level in enumerate(compute_contactable(touchers, limits, _as_tuple(np.round(X_PO[:3, 3], 10)))):
         region = SphericalRegion(level, R_GO, f"CWS_{i + 1}")
         if cones:
             region = (region & reduce(SphericalRegion.__or__, cones)).named(f"CWS_{i + 1} where allowed")
@@ -126,6 +126,6 @@ def compute_regions(
     return Regions(read_only(X_WO), angle, tuple(contactable))
 
 
-def _home_tip(hand: HandModel, finger: int) -> tuple[float, float, float]:
-    x, y, z = hand.p_WF_home[finger]
-    return float(x), float(y), float(z)
+def _as_tuple(point: Array) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in point + 0.0)  # no negative zeros: they are keys of a cache
+    return x, y, z
