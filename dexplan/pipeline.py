@@ -86,37 +86,27 @@ def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
     hand = build_hand(problem, scene)
-    X_WO = scene.object.X_WO_home
-    goal_section = problem.goal
-    if goal_section.rotation is not None:
-        rotation = goal_section.rotation
-        goal = RotationGoal(X_WO, np.array(rotation.axis), float(np.radians(rotation.angle_deg)))
-    elif goal_section.orientation_wxyz is not None:
-        attitude = as_pose([0.0, 0.0, 0.0, *goal_section.orientation_wxyz])[:3, :3]
-        goal = RotationGoal.from_attitude(X_WO, attitude)
+    X_WO, asked = scene.object.X_WO_home, problem.goal
+    shift = np.array(asked.translation_m)
+    if asked.rotation is not None:
+        axis, angle = np.array(asked.rotation.axis), float(np.radians(asked.rotation.angle_deg))
+        goal = RotationGoal(X_WO, axis, angle, shift)
+    elif asked.orientation_wxyz is not None:
+        goal = RotationGoal.from_attitude(
+            X_WO, as_pose([0.0, 0.0, 0.0, *asked.orientation_wxyz])[:3, :3], shift
+        )
     else:
-        goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0)
-    if goal_section.kind != "object_manipulation":
+        goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
+    if asked.kind != "object_manipulation":
         return refuse(
             hand,
             goal,
             "goal_not_supported",
-            f"goal.kind {goal_section.kind} is not built yet; object_manipulation is",
-        )
-    if np.any(goal_section.translation_m):
-        return refuse(
-            hand, goal, "goal_not_supported", "goal.translation_m is not built yet; leave it at zero"
-        )
-    if "substitution" not in problem.gait.primitives:
-        return refuse(
-            hand,
-            goal,
-            "gait_not_supported",
-            'only finger substitution is built yet; add "substitution" to gait.primitives',
+            f"goal.kind {asked.kind} is not built yet; object_manipulation is",
         )
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
-    return plan_rotation(hand, goal, start, problem.gait.node_budget)
+    return plan_rotation(hand, goal, start, problem.gait.node_budget, problem.gait.primitives)
 
 
 def rollout(

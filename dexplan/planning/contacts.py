@@ -1,144 +1,130 @@
-"""The contacts that a search may use: where each finger can land, how far it can carry, which pairs hold.
+"""The contacts that a search may use on one leg: where each finger can land, how far it can carry, which pairs hold.
 
-Geometry only: nothing here knows loads, clearances or the search.  Contacts live on the orbits of ``orbits.py``.
+Contacts live on the orbits of ``orbits.py``; what pairs of them carry is asked of ``loads.py``, for many at once.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dexplan.grasp.sphere import required_pair_preload
 from dexplan.planning.admissible import FingerState, compute_finger_states
-from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
-from dexplan.planning.orbits import STATIONS, STEP, Orbit, build_orbits, carried_posture
+from dexplan.planning.held import Candidates, Held, Landfall, Landing
+from dexplan.planning.legs import STEP, Leg
+from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
+from dexplan.planning.orbits import Orbit, build_aligned, build_fixed_orbit, build_orbits
 from dexplan.planning.plan import Placement
-from dexplan.planning.regions import compute_pair_angle_max, keeps_order
-from dexplan.spatial import Array, build_frame, invert_pose, rotate_about
+from dexplan.planning.regions import ORDER_GAP, compute_pair_angle_max
+from dexplan.scene.workspace import spread_directions
+from dexplan.spatial import Array, build_frame, invert_pose
 
-POLAR_SPACING = float(np.radians(5.0))
+POLAR_SPACING = float(np.radians(7.0))
+DIRECTIONS = 700
+"""Directions around the object at which contacts of a shift are tried."""
 SPREAD = 6
 """Placements tried per finger and partner."""
+LOOKED_AT = 40
+"""Placements whose loads are computed to choose these."""
 APART = float(np.cos(np.radians(8.0)))
 """Placements nearer to one another than this count as the same one."""
-
-
-@dataclass(frozen=True)
-class Held:
-    """A contact as the search knows it: a finger on an orbit, where it landed, how far it came, how far it can still go."""
-
-    finger: int
-    orbit: int
-    landed: int
-    steps: int
-    left: int
-
-    def carried(self, steps: int) -> Held:
-        """Return the contact ``steps`` stations further on."""
-        return replace(self, steps=self.steps + steps, left=self.left - steps)
-
-
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """Landing places of one finger: rows of orbit index, station, outward normal in W (N, 3) and carry."""
-
-    orbit: NDArray[np.intp]
-    station: NDArray[np.intp]
-    normals: Array
-    carry: NDArray[np.intp]
+CARRIES = 4
+"""Samples of a carry at which a placement's load is computed."""
 
 
 @dataclass(eq=False)
 class ContactTable:
-    """All contacts for one hand and one turn; postures along a run are computed when first asked for."""
+    """All contacts for one hand and one leg; what takes time is computed when first asked for."""
 
     hand: HandModel
-    goal: RotationGoal
+    leg: Leg
     orbits: list[Orbit] = field(default_factory=list)
-    candidates: dict[int, Candidates] = field(default_factory=dict)
     _runs: dict[tuple[int, int], list[FingerState]] = field(default_factory=dict)
 
     @property
-    def sense(self) -> int:
-        """+1 or -1: which way the object turns about the goal's axis."""
-        return 1 if self.goal.angle >= 0.0 else -1
-
-    @property
     def stations(self) -> int:
-        """Stations of the whole turn; the last may be a short one."""
-        return int(np.ceil(abs(self.goal.angle) / STEP - 1e-9))
+        """Stations of the whole leg."""
+        return self.leg.stations
+
+    @cached_property
+    def wrench(self) -> Array:
+        """The wrench (6,) [N, N m] that the contacts exert while they take the object along."""
+        return compute_object_wrench(self.hand, self.axis_W)
 
     @property
+    def axis_W(self) -> Array | None:
+        """The axis about which the object is accelerated, with its sense; None for a shift."""
+        return None if self.leg.is_shift else self.leg.sense * self.leg.axis_W
+
+    @cached_property
     def beta_max(self) -> float:
         """Largest angle [rad] between normals and chord of a pair: force closed with the believed friction, and a margin."""
         limits = self.hand.limits
         return compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
 
     @cached_property
-    def beta_easy(self) -> float:
-        """Angle [rad] up to which a pair with a level chord carries the object with half the greatest normal force.
-
-        Solves ``required_pair_preload`` for the angle.  Other chords differ, so this only ranks placements, never refuses them.
-        """
-        friction, hand = self.hand.friction, self.hand
-        radius = float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
-        share, target = friction.facet_inradius, 0.5 * hand.limits.normal_ceiling
-        for beta in np.linspace(self.beta_max, 0.0, 60):
-            needed = required_pair_preload(
-                friction.sliding, friction.torsional, hand.object.mass, radius, np.pi - 2.0 * beta, share
+    def candidates(self) -> dict[int, Candidates]:
+        """Landing places of every finger: all around the axis, or all over the object where it is shifted."""
+        if self.leg.is_shift:
+            first = spread_directions(DIRECTIONS)
+        else:
+            polars, frame = (
+                np.arange(POLAR_SPACING, np.pi - 1e-6, POLAR_SPACING),
+                build_frame(self.leg.axis_W),
             )
-            if needed <= target:
-                return float(max(beta, 1e-3))
-        return 1e-3
+            first = np.cos(polars)[:, None] * frame[:, 2] + np.sin(polars)[:, None] * frame[:, 0]
+        found = {}
+        for finger in range(len(self.hand.fingers)):
+            built = build_orbits(
+                self.hand, self.leg, finger, build_aligned(self.hand, finger, self.leg.center, first), first
+            )
+            offset = len(self.orbits)
+            self.orbits += built
+            rows = [(offset + i, int(k)) for i, o in enumerate(built) for k in np.flatnonzero(o.is_reached)]
+            found[finger] = Candidates(
+                orbit=np.array([i for i, _ in rows], dtype=np.intp),
+                station=np.array([k for _, k in rows], dtype=np.intp),
+                normals=np.array([self.orbits[i].normals[k] for i, k in rows]).reshape(-1, 3),
+                carry=np.array([self.orbits[i].carry[k] for i, k in rows], dtype=np.intp),
+            )
+        return found
 
-    def prepare(self, start: tuple[Array | None, ...]) -> list[Held | None]:
-        """Build the orbits; return each start contact (outward normal (3,) in W, or None), None where it is out of reach."""
-        count = len(self.hand.fingers)
-        polars = np.arange(POLAR_SPACING, np.pi - 1e-6, POLAR_SPACING)
-        wanted = [(f, float(p), 0.0) for f in range(count) for p in polars]
-        frame = build_frame(self.goal.axis_W)
-        for finger, normal in enumerate(start):
-            if normal is not None:
-                x, y, z = frame.T @ normal
-                wanted.append((finger, float(np.arccos(np.clip(z, -1.0, 1.0))), float(np.arctan2(y, x))))
-        center = self.goal.X_WO_start[:3, 3]
-        self.orbits = build_orbits(self.hand, self.goal.axis_W, center, self.sense, wanted)
-        held: list[Held | None] = [None] * count
-        for finger in range(count):
-            own = [k for k, orbit in enumerate(self.orbits) if orbit.finger == finger]
-            if start[finger] is not None:
-                first = own.pop()  # the start's own orbit comes last, and is nobody's landing place
-                if self.orbits[first].is_reached[0]:
-                    held[finger] = Held(finger, first, 0, 0, int(self.orbits[first].carry[0]))
-            self.candidates[finger] = self._collect(own)
-        return held
+    def start_along(self, finger: int, normal: Array) -> Held | None:
+        """Return a start contact with the outward ``normal`` (3,) in W, the pole along it; None where it is out of reach."""
+        X = build_aligned(self.hand, finger, self.leg.center, normal[None])
+        return self._start(finger, build_orbits(self.hand, self.leg, finger, X, normal[None])[0])
 
-    def _collect(self, orbits: list[int]) -> Candidates:
-        rows = [(i, int(k)) for i in orbits for k in np.flatnonzero(self.orbits[i].is_reached)]
-        return Candidates(
-            orbit=np.array([i for i, _ in rows], dtype=np.intp),
-            station=np.array([k for _, k in rows], dtype=np.intp),
-            normals=np.array([self.orbits[i].normals[k] for i, k in rows]).reshape(-1, 3),
-            carry=np.array([self.orbits[i].carry[k] for i, k in rows], dtype=np.intp),
-        )
+    def start_at(self, finger: int, X_WF: Array, q: Array | None = None) -> Held | None:
+        """Return a start contact with the tip at ``X_WF`` (4, 4), in the posture ``q`` if given; None where it cannot be held."""
+        arm = X_WF[:3, 3] - self.leg.center
+        normal = arm / np.linalg.norm(arm)
+        return self._start(finger, build_fixed_orbit(self.hand, self.leg, finger, X_WF, normal, q))
+
+    def _start(self, finger: int, orbit: Orbit) -> Held | None:
+        self.orbits.append(orbit)
+        if not orbit.is_reached[0]:
+            return None
+        return Held(finger, len(self.orbits) - 1, 0, 0, int(orbit.carry[0]))
 
     # -- one contact -----------------------------------------------------------------------------------------------------
 
+    def station(self, held: Held) -> int:
+        """Return the station at which a contact is now."""
+        return (held.landed + self.leg.sense * held.steps) % len(self.orbits[held.orbit].q)
+
     def normal(self, held: Held) -> Array:
         """Return the outward normal (3,) in W of a contact where it is now."""
-        return self.orbits[held.orbit].normals[(held.landed + self.sense * held.steps) % STATIONS]
+        return self.orbits[held.orbit].normals[self.station(held)]
 
     def state(self, held: Held) -> FingerState:
         """Return the finger's state where the contact is now."""
         run = self._runs.get((held.orbit, held.landed))
         if run is None:
-            orbit = self.orbits[held.orbit]
-            stations = range(int(orbit.carry[held.landed]) + 1)
-            q = np.stack([carried_posture(self.hand, orbit, held.landed, k, self.sense) for k in stations])
+            q = self.orbits[held.orbit].run(self.hand, self.leg, held.landed)
             run = self._runs[held.orbit, held.landed] = compute_finger_states(self.hand, held.finger, q)
         return run[held.steps]
 
@@ -146,19 +132,17 @@ class ContactTable:
         """Return what ends the contact's run."""
         return self.orbits[held.orbit].limit[held.landed]
 
-    def turned(self, done: int) -> float:
-        """Return the signed turn [rad] at progress ``done``; the last station ends at the goal exactly."""
-        return self.sense * min(done * STEP, abs(self.goal.angle))
-
-    def object_pose(self, done: int) -> Array:
-        """Return the object's pose (4, 4) at progress ``done``."""
-        X = self.goal.X_WO_start.copy()
-        X[:3, :3] = rotate_about(self.goal.axis_W, self.turned(done)) @ X[:3, :3]
-        return X
+    def center(self, held: Held) -> Array:
+        """Return the object's centre (3,) [m] where the contact is now."""
+        return (
+            self.leg.center + self.leg.motions[1][self.station(held)]
+            if self.leg.is_shift
+            else self.leg.center
+        )
 
     def placement(self, held: Held, done: int) -> Placement:
         """Return the contact as a plan's value, with the object at progress ``done``."""
-        X_WO, state = self.object_pose(done), self.state(held)
+        X_WO, state = self.leg.pose(done), self.state(held)
         normal_O = X_WO[:3, :3].T @ self.normal(held)
         point_O = self.hand.object.surface.closest(normal_O)
         return Placement(held.finger, point_O, normal_O, invert_pose(X_WO) @ state.X_WF, state.q)
@@ -169,9 +153,8 @@ class ContactTable:
         """Return the smallest angle [rad] between normals and chord over the pairs of contacts."""
         if len(held) < 2:
             return 0.5 * np.pi
-        normals = np.stack([self.normal(h) for h in held])
-        opposite = -(normals @ normals.T)[np.triu_indices(len(held), 1)]
-        return 0.5 * float(np.arccos(np.clip(opposite.max(), -1.0, 1.0)))
+        opposite = max(-self.normal(a) @ self.normal(b) for a, b in combinations(held, 2))
+        return 0.5 * float(np.arccos(np.clip(opposite, -1.0, 1.0)))
 
     def has_pair(self, held: tuple[Held, ...]) -> bool:
         """Return whether two of the contacts are force closed with the believed friction."""
@@ -190,12 +173,33 @@ class ContactTable:
                 return ""
         return "Theorem 1: no free finger can form a force-closure grasp with a holding finger where it is, so none can be lifted"
 
-    def keeps_order(self, held: tuple[Held, ...]) -> bool:
-        """Return whether the fingers stand in the order of their bases, the free ones at home."""
-        center = self.goal.X_WO_start[:3, 3]
-        normals = {i: home - center for i, home in enumerate(self.hand.p_WF_home)}
-        normals.update({h.finger: self.normal(h) for h in held})
-        return keeps_order(self.hand, normals)
+    @cached_property
+    def _bases(self) -> list[int]:
+        """The fingers in the order in which their bases stand around the vertical."""
+        center = self.leg.center[:2]
+        bases = [f.chain.offsets[0][:2, 3] - center for f in self.hand.fingers]
+        return sorted(range(len(bases)), key=lambda i: np.arctan2(bases[i][1], bases[i][0]))
+
+    def keep_order(self, normals: dict[int, Array]) -> NDArray[np.bool_]:
+        """Return whether fingers touching along ``normals`` (..., 3) stand around the vertical in the order of their bases (...).
+
+        The paper's fingers never change their relative (clockwise) positions [paper §4].
+        """
+        order = [i for i in self._bases if i in normals]
+        azimuths = [np.arctan2(normals[i][..., 1], normals[i][..., 0]) for i in order]
+        if len(order) < 3:
+            return np.ones(np.broadcast_shapes(*(a.shape for a in azimuths)), dtype=bool)
+        # In order, the steps from finger to finger are all positive and make one turn.
+        steps = [
+            np.mod(b - a, 2.0 * np.pi) for a, b in zip(azimuths, azimuths[1:] + azimuths[:1], strict=True)
+        ]
+        near = np.minimum.reduce(np.broadcast_arrays(*steps))
+        return np.asarray((near >= ORDER_GAP) & (np.abs(sum(steps) - 2.0 * np.pi) < 1e-6))
+
+    def with_free(self, normals: dict[int, Array]) -> dict[int, Array]:
+        """Return ``normals`` with the directions of the free fingers, at home, added."""
+        homes = {i: home - self.leg.center for i, home in enumerate(self.hand.p_WF_home)}
+        return {**homes, **normals}
 
     def needed_angle(self) -> str:
         """Return in words what two contacts need for force closure."""
@@ -205,65 +209,142 @@ class ContactTable:
         )
 
     def allows(self, normals: Array, done: int) -> NDArray[np.bool_]:
-        """Return whether contacts along ``normals`` (..., 3) in W may be made (...) when the turn has come to ``done``."""
-        return self.hand.object.allows(normals @ self.object_pose(done)[:3, :3])
+        """Return whether contacts along ``normals`` (..., 3) in W may be made (...) when the leg has come to ``done``."""
+        return self.hand.object.allows(normals @ self.leg.pose(done)[:3, :3])
 
-    def landings(self, finger: int, keep: Held, held: tuple[Held, ...], done: int) -> list[Held]:
-        """Return the most promising places for a free ``finger`` to land that hold with ``keep`` and clear all of ``held``.
+    def estimate(
+        self, first: Array, second: Array, stations: NDArray[np.intp]
+    ) -> tuple[NDArray[np.intp], Array]:
+        """Return for how many stations pairs with these normals (N, 3) carry the object, and their load at first (N,).
 
-        Promising: the pair can be carried far, and its contacts are nearly opposite (small forces, room for error).
-        ``done`` is the progress of the turn [stations], which decides what part of the object is where.
+        Looks at ``CARRIES`` samples of the ``stations`` (N,) asked for.
         """
-        rows = self.candidates[finger]
+        share = np.linspace(0.0, 1.0, CARRIES)
+        if self.leg.is_shift:  # nothing turns
+            loads = compute_pair_loads(self.hand, first, second, self.wrench).utilisation[None]
+        else:
+            # Both contacts at every sample, all in one go.
+            turn = (self.leg.sense * STEP * share[:, None] * stations).ravel()
+            a, b = (_turn(self.leg.axis_W, turn, np.tile(n, (CARRIES, 1))) for n in (first, second))
+            loads = compute_pair_loads(self.hand, a, b, self.wrench).utilisation.reshape(CARRIES, -1)
+        holds = loads <= self.hand.limits.cone_share
+        last = np.where(holds.all(0), CARRIES, holds.argmin(0)) - 1
+        carried = np.where(last < 0, -1, np.floor(share[np.maximum(last, 0)] * stations))
+        return carried.astype(np.intp), loads[0]
+
+    def landings(self, asked: list[Landfall]) -> list[list[Landing]]:
+        """Return for each of ``asked`` the most promising places to land that hold with the finger kept and clear all others."""
+        surveys = [self._survey(one) for one in asked]
+        counts = [len(near) for near, _ in surveys]
+        if not sum(counts):
+            return [[] for _ in asked]
+        kept = np.repeat([self.normal(one.keep) for one in asked], counts, axis=0)
+        landed = np.concatenate(
+            [self.candidates[one.finger].normals[near] for one, (near, _) in zip(asked, surveys, strict=True)]
+        )
+        stations = np.concatenate([promise for _, promise in surveys])
+        # A finger that only stands in, or gets ready, need not carry the object anywhere yet.
+        still = np.repeat([one.purpose != "carry" for one in asked], counts)
+        lasting, load = self.estimate(kept, landed, np.where(still, 0, stations))
+        lasting = np.where(still & (lasting >= 0), stations, lasting).astype(np.intp)
+        chosen, first = [], 0
+        for one, (near, _), count in zip(asked, surveys, counts, strict=True):
+            part = slice(first, first + count)
+            chosen.append(self._choose(one, near, lasting[part], load[part]))
+            first += count
+        return chosen
+
+    def _survey(self, one: Landfall) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the rows of candidates worth a look, by geometry alone, and for how many stations they might carry."""
+        finger, rows, nothing = one.finger, self.candidates[one.finger], np.zeros(0, dtype=np.intp)
         if not len(rows.orbit):
-            return []
-        beta = 0.5 * np.arccos(np.clip(rows.normals @ -self.normal(keep), -1.0, 1.0))
-        ok = (beta < self.beta_max) & self.allows(rows.normals, done)
-        tips = self._tip(finger, rows.normals)
-        for h in held:
-            radii = self.hand.fingers[finger].tip_radius + self.hand.fingers[h.finger].tip_radius
-            gaps = np.linalg.norm(tips - self._tip(h.finger, self.normal(h)), axis=1) - radii
-            ok &= gaps > self.hand.limits.clearance
-        promise = np.minimum(rows.carry, keep.left)
-        ok &= promise > 0
+            return nothing, nothing
+        cosine = rows.normals @ -self.normal(one.keep)
+        ok = cosine > np.cos(2.0 * self.beta_max)
+        if self.hand.object.allowed_regions:
+            ok &= self.allows(rows.normals, one.done)
+        if self.leg.is_shift:
+            ok &= rows.station == one.done
+        promise = np.minimum(np.minimum(rows.carry, one.keep.left), self.stations - one.done)
+        if one.purpose == "carry":
+            ok &= promise > 0
         found = np.flatnonzero(ok)
         if not len(found):
-            return []
-        hard = np.maximum(0.0, beta[found] - self.beta_easy) / self.beta_easy
-        score = promise[found] / int(promise[found].max()) - 0.3 * beta[found] / self.beta_max - 2.0 * hard
-        chosen: list[Held] = []
-        near: list[Array] = []
-        standing = {h.finger: self.normal(h) for h in held}
-        for row in found[np.argsort(-score, kind="stable")]:
-            normal = rows.normals[row]
-            if any(normal @ other > APART for other in near):
-                continue
-            if not keeps_order(self.hand, {**standing, finger: normal}):
-                continue
-            near.append(normal)
-            chosen.append(Held(finger, int(rows.orbit[row]), int(rows.station[row]), 0, int(rows.carry[row])))
-            if len(chosen) == SPREAD:
-                break
-        return chosen
+            return nothing, nothing
+        normals = rows.normals[found]
+        tips = self._tip(finger, normals)
+        fits = self.keep_order({**{h.finger: self.normal(h) for h in one.held}, finger: normals})
+        for h in one.held:
+            radii = self.hand.fingers[finger].tip_radius + self.hand.fingers[h.finger].tip_radius
+            gaps = np.linalg.norm(tips - self._tip(h.finger, self.normal(h)), axis=1) - radii
+            fits &= gaps > self.hand.limits.clearance
+        found = found[fits]
+        if not len(found):
+            return nothing, nothing
+        beta = 0.5 * np.arccos(np.clip(cosine[found], -1.0, 1.0)) / self.beta_max
+        gain = {"carry": promise[found], "advance": rows.carry[found]}.get(one.purpose, np.zeros(len(found)))
+        score = gain / max(1.0, gain.max()) - 0.4 * beta
+        near = found[self._spread(rows.normals[found], score, LOOKED_AT)]
+        return near, promise[near]
+
+    def _choose(
+        self, one: Landfall, near: NDArray[np.intp], lasting: NDArray[np.intp], load: Array
+    ) -> list[Landing]:
+        """Return the best of the rows ``near``, which carry for ``lasting`` stations (-1: not at all) with ``load``."""
+        rows = self.candidates[one.finger]
+        gain = {"carry": lasting, "advance": rows.carry[near]}.get(one.purpose, np.zeros(len(near)))
+        score = gain / max(1.0, gain.max(initial=1.0)) - 0.5 * load
+        best = [k for k in np.argsort(-score, kind="stable") if lasting[k] >= 0][:SPREAD]
+        return [Landing(rows.pick(one.finger, int(near[k])), int(lasting[k]), float(load[k])) for k in best]
 
     def _tip(self, finger: int, normals: Array) -> Array:
         radius = self.hand.fingers[finger].tip_radius
         return self.hand.object.surface.closest(normals) + radius * normals
 
-    def start_pairs(self, count: int = 24) -> list[tuple[Held, ...]]:
-        """Return pairs to start from where the problem leaves it to the planner: long runs, nearly opposite contacts."""
-        found: list[tuple[float, tuple[Held, ...]]] = []
-        fingers = sorted(self.candidates)
-        for a, first in enumerate(fingers):
-            rows = self.candidates[first]
-            usable = np.flatnonzero(self.allows(rows.normals, 0))
-            for row in usable[:: max(1, len(usable) // 160)]:
-                h = Held(first, int(rows.orbit[row]), int(rows.station[row]), 0, int(rows.carry[row]))
-                for second in fingers[a + 1 :]:
-                    for other in self.landings(second, h, (h,), 0)[:2]:
-                        promise = min(h.left, other.left, max(self.stations, 1))
-                        found.append(
-                            (promise - 8.0 * self.pair_angle((h, other)) / self.beta_max, (h, other))
-                        )
+    @staticmethod
+    def _spread(normals: Array, score: Array, count: int) -> list[int]:
+        """Return up to ``count`` rows of ``normals`` (N, 3), best ``score`` (N,) first, none too near another."""
+        chosen: list[int] = []
+        free = np.ones(len(normals), dtype=bool)
+        for row in np.argsort(-score, kind="stable"):
+            if free[row]:
+                chosen.append(int(row))
+                if len(chosen) == count:
+                    break
+                free &= normals @ normals[row] <= APART
+        return chosen
+
+    def start_pairs(self, count: int = 24) -> list[tuple[tuple[Held, ...], int, float]]:
+        """Return pairs to start from where the problem leaves it to the planner, with promise and load, best first."""
+        found: list[tuple[float, tuple[Held, ...], int, float]] = []
+        chosen = {}
+        for finger, rows in self.candidates.items():
+            usable = np.flatnonzero(
+                self.allows(rows.normals, 0) & ((rows.station == 0) | (not self.leg.is_shift))
+            )
+            chosen[finger] = usable[:: max(1, len(usable) // 200)]
+        for a, b in combinations(sorted(self.candidates), 2):
+            one, two = self.candidates[a], self.candidates[b]
+            i, j = (m.ravel() for m in np.meshgrid(chosen[a], chosen[b], indexing="ij"))
+            cosine = -(one.normals[i] * two.normals[j]).sum(1)
+            promise = np.minimum(np.minimum(one.carry[i], two.carry[j]), max(self.stations, 1))
+            ok = (cosine > np.cos(2.0 * self.beta_max)) & (promise >= min(1, self.stations))
+            ok &= self.keep_order(self.with_free({a: one.normals[i], b: two.normals[j]}))
+            i, j, cosine, promise = i[ok], j[ok], cosine[ok], promise[ok]
+            quick = promise - 8.0 * np.arccos(np.clip(cosine, -1.0, 1.0)) / (2.0 * self.beta_max)
+            best = np.argsort(-quick, kind="stable")[:400]
+            i, j = i[best], j[best]
+            asked = promise[best] if self.stations else np.zeros(len(best), dtype=np.intp)
+            lasting, load = self.estimate(one.normals[i], two.normals[j], asked)
+            for k in np.flatnonzero(lasting >= 0):
+                pair = (one.pick(a, int(i[k])), two.pick(b, int(j[k])))
+                found.append((float(lasting[k] - 8.0 * load[k]), pair, int(lasting[k]), float(load[k])))
         found.sort(key=lambda item: -item[0])
-        return [pair for _, pair in found[:count]]
+        return [item[1:] for item in found[:count]]
+
+
+def _turn(axis: Array, angle: Array, vectors: Array) -> Array:
+    """Return ``vectors`` (N, 3) turned about the unit ``axis`` (3,) by ``angle`` (N,) [rad] (Rodrigues' formula)."""
+    along = vectors @ axis
+    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    return vectors * cosine + np.cross(axis, vectors) * sine + (along * (1.0 - cosine[:, 0]))[:, None] * axis

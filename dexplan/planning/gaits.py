@@ -1,4 +1,4 @@
-"""Gaits as sequences of actions: finger substitution [paper §2.2]."""
+"""Gaits as sequences of actions: finger substitution and finger rewind [paper §2.2]."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from dexplan.spatial import Array
 class Step:
     """One link of the search's answer: perhaps a substitution, then a turn of the object with the new grasp.
 
-    ``contacts`` hold during the turn from ``X_WO_start`` to ``X_WO_end`` by ``angle`` [rad]; before it ``placed`` came down and
-    finger ``lifted`` went up.  ``limit`` is the limiting finger (or None) and what ended the turn.
+    ``contacts`` hold during the motion from ``X_WO_start`` to ``X_WO_end``, a turn by ``angle`` [rad] about ``axis_W`` (None: the
+    axis of the whole gait) or a straight shift; before it ``placed`` came down and finger ``lifted`` went up, as part of a finger
+    rewind if ``is_rewind``.  ``limit`` is the limiting finger (or None) and what ended the motion.
     """
 
     contacts: tuple[Placement, ...]
@@ -29,25 +30,36 @@ class Step:
     limit: tuple[int | None, str]
     margins: Mapping[str, float] = field(default_factory=dict)
     place_margins: Mapping[str, float] = field(default_factory=dict)
+    axis_W: Array | None = None
+    is_rewind: bool = False
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the object stays where it is."""
+        return self.angle == 0.0 and np.array_equal(self.X_WO_start[:3, 3], self.X_WO_end[:3, 3])
 
 
 def build_actions(
     steps: list[Step], start: tuple[Placement | None, ...], axis_W: Array
 ) -> tuple[Action, ...]:
-    """Return the actions of a gait: hold, then for every step place, lift and move, and hold at the end."""
+    """Return the actions of a gait: hold, then for every step place, lift and move, and hold at the end.
+
+    ``axis_W`` (3,) is the axis of the steps that name none.
+    """
     contacts = list(start)
     X = steps[0].X_WO_start
     still = {"X_WO_start": X, "X_WO_end": X, "axis_W": axis_W, "angle": 0.0}
     actions = [_hold(contacts, still, "let the grasp settle")]
     previous: Step | None = None
     for step in steps:
-        still = {"X_WO_start": step.X_WO_start, "X_WO_end": step.X_WO_start, "axis_W": axis_W, "angle": 0.0}
+        axis = axis_W if step.axis_W is None else step.axis_W
+        still = {"X_WO_start": step.X_WO_start, "X_WO_end": step.X_WO_start, "axis_W": axis, "angle": 0.0}
         if previous is not None and step.lifted is not None:
             if step.placed is not None:
                 actions.append(_place(contacts, step, previous, still))
             actions.append(_lift(contacts, step, previous, still))
-        if step.angle != 0.0:
-            actions.append(_move(contacts, step, axis_W))
+        if not step.is_still:
+            actions.append(_move(contacts, step, axis))
         previous = step
     end = steps[-1].X_WO_end
     actions.append(_hold(contacts, {**still, "X_WO_start": end, "X_WO_end": end}, "the goal is reached"))
@@ -71,7 +83,7 @@ def _place(contacts: list[Placement | None], step: Step, previous: Step, still: 
         grasping=before,
         contacts_end=tuple(contacts),
         phases=tuple(phases),
-        why=f"it forms a force-closure grasp with finger {partner + 1}",
+        why=f"{_gait(step)}it forms a force-closure grasp with finger {partner + 1}",
         limiting_finger=previous.limit[0],
         limit=previous.limit[1],
         margins=step.place_margins,
@@ -97,12 +109,16 @@ def _lift(contacts: list[Placement | None], step: Step, previous: Step, still: d
         grasping=_holding(contacts),
         contacts_end=tuple(contacts),
         phases=tuple(phases),
-        why=f"{stands_in}{ended}",
+        why=f"{_gait(step)}{stands_in}{ended}",
         limiting_finger=limiting,
         limit=limit,
         margins=step.place_margins,
         **still,
     )
+
+
+def _gait(step: Step) -> str:
+    return "finger rewind: " if step.is_rewind else ""
 
 
 def _move(contacts: list[Placement | None], step: Step, axis_W: Array) -> Action:

@@ -1,41 +1,112 @@
-"""What is asked for: the three task types of the paper (§1)."""
+"""What is asked for: the three task types of the paper (§1), and the ways an object may take to its goal."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dexplan.planning.legs import Leg
 from dexplan.spatial import Array, read_only, rotate_about
+
+VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
 class RotationGoal:
-    """Object manipulation: turn the object from ``X_WO_start`` (4, 4) by ``angle`` [rad] about the unit world axis ``axis_W``.
+    """Object manipulation: turn the object from ``X_WO_start`` (4, 4) by ``angle`` [rad] about the unit world axis ``axis_W``
+    through its centre, and shift the centre by ``shift_W`` (3,) [m].
 
-    Angles beyond a turn mean more turns; the sign is the sense.
+    Angles beyond a turn mean more turns; the sign is the sense.  ``is_attitude``: only the attitude at the end counts, not the
+    way there.
     """
 
     X_WO_start: Array
     axis_W: Array
     angle: float
+    shift_W: Array = field(default_factory=lambda: np.zeros(3))
+    is_attitude: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "X_WO_start", read_only(self.X_WO_start))
         object.__setattr__(self, "axis_W", read_only(self.axis_W / np.linalg.norm(self.axis_W)))
+        object.__setattr__(self, "shift_W", read_only(self.shift_W))
 
     @property
     def X_WO_goal(self) -> Array:
         """The object pose (4, 4) to reach."""
         X = self.X_WO_start.copy()
         X[:3, :3] = rotate_about(self.axis_W, self.angle) @ X[:3, :3]
+        X[:3, 3] += self.shift_W
         return X
 
     @classmethod
-    def from_attitude(cls, X_WO_start: Array, R_WO_goal: Array) -> RotationGoal:
-        """Return the goal that reaches the attitude ``R_WO_goal`` (3, 3) the shortest way."""
+    def from_attitude(cls, X_WO_start: Array, R_WO_goal: Array, shift_W: Array | None = None) -> RotationGoal:
+        """Return the goal that reaches the attitude ``R_WO_goal`` (3, 3); its axis and angle are those of the shortest way."""
         turn = Rotation.from_matrix(R_WO_goal @ X_WO_start[:3, :3].T).as_rotvec()
         angle = float(np.linalg.norm(turn))
-        axis = turn / angle if angle > 1e-12 else np.array([0.0, 0.0, 1.0])
-        return cls(X_WO_start, axis, angle)
+        axis = turn / angle if angle > 1e-12 else VERTICAL
+        return cls(X_WO_start, axis, angle, np.zeros(3) if shift_W is None else shift_W, is_attitude=True)
+
+
+def build_routes(goal: RotationGoal, swings: tuple[Array, ...] = ()) -> list[tuple[Leg, ...]]:
+    """Return the routes to try, in this order.
+
+    1. straight there: one turn about the goal's axis.
+    2. where the goal is an attitude: the other way round; about the vertical and then about a horizontal axis; the same two the
+       other way round; about the vertical, about one of the horizontal axes ``swings`` (3,), and about the vertical again.
+
+    Each of them shifts the object last, and first if that comes to nothing: all routes with the shift last come before those
+    with the shift first.
+    """
+    turns = [[(goal.axis_W, goal.angle)]]
+    if goal.is_attitude and abs(goal.angle) > 1e-9:
+        turns.append([(goal.axis_W, goal.angle - np.copysign(2.0 * np.pi, goal.angle))])
+        R = rotate_about(goal.axis_W, goal.angle)
+        turns += _split_at_vertical(R) + [way for swing in swings for way in _split_at_swing(R, swing)]
+    orders = ("last", "first") if np.any(goal.shift_W) else ("none",)
+    return [_build_legs(goal, way, order) for order in orders for way in turns]
+
+
+def _build_legs(goal: RotationGoal, turns: list[tuple[Array, float]], shift: str) -> tuple[Leg, ...]:
+    legs: list[Leg] = []
+    X = goal.X_WO_start
+    if shift == "first":
+        legs.append(Leg(X, VERTICAL, 0.0, goal.shift_W))
+        X = legs[-1].X_WO_end
+    for axis, angle in turns:
+        if abs(angle) > 1e-9:
+            legs.append(Leg(X, axis, angle))
+            X = legs[-1].X_WO_end
+    if shift == "last":
+        legs.append(Leg(X, VERTICAL, 0.0, goal.shift_W))
+    return tuple(legs) or (Leg(X, goal.axis_W),)
+
+
+def _split_at_vertical(R: Array) -> list[list[tuple[Array, float]]]:
+    """Return R (3, 3) as a turn about the vertical followed by a tilt about a horizontal axis, and the other way round."""
+    tilt = np.cross(VERTICAL, R @ VERTICAL)
+    angle = float(np.arctan2(np.linalg.norm(tilt), VERTICAL @ R @ VERTICAL))
+    if min(angle, np.pi - angle) < 1e-6:
+        return []
+    axis = tilt / np.linalg.norm(tilt)
+    twist = Rotation.from_matrix(rotate_about(axis, -angle) @ R).as_rotvec()[2]
+    back = rotate_about(VERTICAL, -twist) @ axis
+    return [[(VERTICAL, float(twist)), (axis, angle)], [(back, angle), (VERTICAL, float(twist))]]
+
+
+def _split_at_swing(R: Array, swing: Array) -> list[list[tuple[Array, float]]]:
+    """Return R (3, 3) as turns about the vertical, about ``swing`` and about the vertical again; both choices of the middle."""
+    frame = np.stack([swing, np.cross(VERTICAL, swing), VERTICAL], axis=1)
+    # In this frame the swing is about x: R = Rz(a) Rx(b) Rz(c).
+    E = frame.T @ R @ frame
+    tilt = float(np.arctan2(np.hypot(E[0, 2], E[1, 2]), E[2, 2]))
+    if min(tilt, np.pi - tilt) < 1e-6:
+        return []
+    ways = []
+    for b in (tilt, -tilt):
+        a = np.arctan2(np.sign(b) * E[0, 2], -np.sign(b) * E[1, 2])
+        c = np.arctan2(np.sign(b) * E[2, 0], np.sign(b) * E[2, 1])
+        ways.append([(VERTICAL, float(c)), (swing, b), (VERTICAL, float(a))])
+    return ways

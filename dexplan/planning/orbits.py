@@ -1,9 +1,9 @@
-"""How far can each finger carry a contact while the object turns?  Tables of contact orbits around the axis of rotation.
+"""How far can each finger carry a contact along a leg?  Tables of contact orbits.
 
-A contact fixed on an object that turns about an axis travels a circle around that axis: its *orbit*, given by the polar angle
-from the axis.  For every finger and orbit the inverse kinematics is solved at stations ``STEP`` apart; `carry` is then the
-length of the run of stations through which the finger can take the contact.  For a sphere, which looks the same from every
-side [paper §3: homogeneous with respect to rotation], one table serves all contacts on an orbit at all times.
+A contact fixed on an object that turns about an axis travels a circle around that axis: its *orbit*.  For every finger and
+orbit the inverse kinematics is solved at all stations of the leg; `carry` is then the length of the run of stations through
+which the finger can take the contact.  For a sphere, which looks the same from every side [paper §3: homogeneous with respect
+to rotation], one table serves all contacts on a circle at all times.  The orbit of a shift is a straight line, passed once.
 """
 
 from __future__ import annotations
@@ -14,105 +14,138 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.planning.hand import HandModel
-from dexplan.scene.chain import compute_dexterity, compute_joint_margin
-from dexplan.scene.workspace import Workspace
-from dexplan.spatial import Array, build_frame, make_pose, read_only, rotate_about
+from dexplan.planning.legs import Leg
+from dexplan.planning.travel import wrap_near
+from dexplan.scene.chain import compute_dexterity
+from dexplan.spatial import Array, build_frame, make_pose, read_only
 
-STEP = float(np.radians(2.0))
-"""Spacing of stations along an orbit, and of the samples at which a motion is checked [rad]."""
-STATIONS = 180
 _JUMP = 0.30
 """Joint steps between neighbouring stations beyond this mean another branch [rad]."""
 _SIGHT = float(np.radians(80.0))
 """Directions farther than this from a finger's own are not tried."""
+_LOOK = 3
+"""Clearance of one finger alone is looked at at every so many stations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Orbit:
-    """One finger's contact going round the axis.
+    """One finger's contact going along with a leg.
 
-    Station k has the outward normal ``normals[k]`` (K, 3) and the tip pose ``X_WF[k]`` (K, 4, 4) at a reference spin that is
-    carried along; ``q`` (K, J) are the postures, NaN out of reach.  Turning one way from station k the finger gets through
-    ``carry[k]`` more stations, provided it landed with its tip spun by ``spin[k]`` [rad] about its pole from the reference;
-    ``limit[k]`` says what ends it.
+    At station k the contact has the outward normal ``normals[k]`` (K, 3) in W and the finger the posture ``q[k]`` (K, J), NaN
+    out of reach.  Turning the leg's way from station k the finger gets through ``carry[k]`` more stations, provided it landed
+    with its tip spun by ``spin[k]`` [rad] about its pole from the table's posture; ``limit[k]`` says what ends it.
     """
 
     finger: int
-    polar: float
     normals: Array
-    X_WF: Array
     q: Array
     is_reached: NDArray[np.bool_]
     carry: NDArray[np.intp]
     spin: Array
     limit: tuple[str, ...]
 
-    def posture(self, k: int, spin: float, roll_sign: float) -> Array:
-        """Return the posture (J,) at station ``k`` with the tip spun by ``spin`` [rad]."""
-        q = self.q[k % STATIONS].copy()
-        q[-1] += roll_sign * spin
+    def run(self, hand: HandModel, leg: Leg, landed: int) -> Array:
+        """Return the postures (carry + 1, J) of the finger that landed at station ``landed``, on one branch."""
+        chain = hand.fingers[self.finger].chain
+        q = self.q[(landed + leg.sense * np.arange(int(self.carry[landed]) + 1)) % len(self.q)].copy()
+        step = np.diff(q[:, -1])
+        q[1:, -1] = q[0, -1] + np.cumsum(step - 2.0 * np.pi * np.round(step / (2.0 * np.pi)))
+        q[:, -1] += chain.roll_sign * self.spin[landed]
         return q
 
 
-def build_orbits(
-    hand: HandModel, axis_W: Array, center: Array, sense: int, orbits: list[tuple[int, float, float]]
-) -> list[Orbit]:
-    """Return the orbits (finger, polar angle [rad], azimuth of station 0 about the axis [rad]) around ``center`` (3,) [m].
+def build_aligned(hand: HandModel, finger: int, center: Array, normals: Array) -> Array:
+    """Return tip poses (N, 4, 4) that touch an object at ``center`` (3,) along ``normals`` (N, 3), poles along the normals."""
+    X = np.zeros((len(normals), 4, 4))
+    for row, normal in enumerate(normals):
+        X[row, :3, :3] = build_frame(-normal)
+    X[:, :3, 3] = center + hand.object.surface.closest(normals) + hand.fingers[finger].tip_radius * normals
+    X[:, 3, 3] = 1.0
+    return X
 
-    ``sense`` is +1 where the object turns positively about ``axis_W``, -1 otherwise: the direction of `carry`.
+
+def build_orbits(hand: HandModel, leg: Leg, finger: int, X_first: Array, normals: Array) -> list[Orbit]:
+    """Return the orbits of contacts with the tip poses ``X_first`` (M, 4, 4) and ``normals`` (M, 3) at station 0.
+
+    The spin of each landing is chosen so that the roll of the tip is centred over the run.
     """
-    built: list[Orbit] = []
-    for finger, workspace in enumerate(hand.workspaces):
-        chosen = [(polar, start) for f, polar, start in orbits if f == finger]
-        if not chosen:
+    N, X_WF = _carry_along(leg, X_first, normals)
+    q, ok, why = _solve(hand, finger, leg, N, X_WF)
+    return [
+        Orbit(
+            finger,
+            read_only(N[m]),
+            read_only(q[m]),
+            ok[m],
+            *_measure_runs(hand, finger, leg, q[m], ok[m], why[m]),
+        )
+        for m in range(len(N))
+    ]
+
+
+def build_fixed_orbit(
+    hand: HandModel, leg: Leg, finger: int, X_WF: Array, normal: Array, q: Array | None = None
+) -> Orbit:
+    """Return the orbit of a contact that stands already: the tip at ``X_WF`` (4, 4) keeps its spin and its tilt.
+
+    ``q`` (J,) is a posture near by, if one is known.  Only station 0 has a run, none where the finger cannot hold the contact.
+    """
+    chain, limits = hand.fingers[finger].chain, hand.limits
+    N, X = _carry_along(leg, X_WF[None], normal[None])
+    table, ok, why = _solve(hand, finger, leg, N, X)
+    postures, reached, reasons = table[0].copy(), ok[0], why[0]
+    lower, upper = chain.lower[-1] + limits.joint_margin, chain.upper[-1] - limits.joint_margin
+    carry, spin = np.zeros(len(postures), dtype=np.intp), np.zeros(len(postures))
+    end = ["" for _ in postures]
+    if q is not None and reached[0]:
+        postures[0] = wrap_near(postures[0], q)
+        if np.abs(q - postures[0]).max() > _JUMP:
+            reached[0], reasons[0] = False, "another branch of its postures"
+    if reached[0] and not lower - 1e-9 <= postures[0, -1] <= upper + 1e-9:
+        reached[0], reasons[0] = False, "the limit of its last joint"
+    here, last = 0, len(postures) - 1
+    end[0] = "a whole turn"
+    for count in range(1, last + 1):
+        there = leg.sense * count % len(postures)
+        step = postures[there] - postures[here]
+        step[-1] -= 2.0 * np.pi * np.round(step[-1] / (2.0 * np.pi))
+        postures[there, -1] = postures[here, -1] + step[-1]
+        if not reached[there]:
+            end[0] = reasons[there]
+        elif np.abs(step[:-1]).max() > _JUMP:
+            end[0] = "a singular posture"
+        elif not lower <= postures[there, -1] <= upper:
+            end[0] = "the limit of its last joint"
+        else:
+            here, carry[0] = there, count
             continue
-        polars = np.array([c[0] for c in chosen])
-        angles = np.array([c[1] for c in chosen])[:, None] + STEP * np.arange(STATIONS)
-        normals, X_WF = _build_poses(hand, finger, axis_W, center, polars, angles)
-        q, ok, why = _solve(hand, finger, workspace, center, normals, X_WF)
-        for row, polar in enumerate(polars):
-            carry, spin, limit = _measure_runs(hand, finger, q[row], ok[row], why[row], sense)
-            built.append(
-                Orbit(
-                    finger,
-                    float(polar),
-                    read_only(normals[row]),
-                    read_only(X_WF[row]),
-                    read_only(q[row]),
-                    ok[row],
-                    carry,
-                    read_only(spin),
-                    limit,
-                )
-            )
-    return built
+        break
+    only = np.zeros(len(postures), dtype=bool)
+    only[0] = reached[0]
+    lean = float(np.arccos(np.clip(-(X_WF[:3, 2] @ normal), -1.0, 1.0)))
+    if lean > hand.tip_polar_limit:
+        only[0], reasons[0] = False, f"its tip's pole, {np.degrees(lean):.0f} deg off"
+    end[0] = end[0] if only[0] else reasons[0]
+    return Orbit(finger, read_only(N[0]), read_only(postures), only, carry, spin, tuple(end))
 
 
-def _build_poses(
-    hand: HandModel, finger: int, axis_W: Array, center: Array, polars: Array, angles: Array
-) -> tuple[Array, Array]:
-    """Return normals (M, K, 3) and reference tip poses (M, K, 4, 4), poles along the inward normals, carried around the axis."""
-    frame = build_frame(axis_W)
-    turns = rotate_about(axis_W, angles)
-    surface, radius = hand.object.surface, hand.fingers[finger].tip_radius
-    normals = np.empty((*angles.shape, 3))
-    X = np.zeros((*angles.shape, 4, 4))
+def _carry_along(leg: Leg, X_first: Array, normals: Array) -> tuple[Array, Array]:
+    """Return normals (M, K, 3) and tip poses (M, K, 4, 4) of contacts at every station of the leg."""
+    R, shift = leg.motions
+    N = np.einsum("kij,mj->mki", R, normals)
+    X = np.zeros((len(normals), len(R), 4, 4))
+    X[..., :3, :3] = np.einsum("kij,mjl->mkil", R, X_first[:, :3, :3])
+    X[..., :3, 3] = leg.center + np.einsum("kij,mj->mki", R, X_first[:, :3, 3] - leg.center) + shift
     X[..., 3, 3] = 1.0
-    for row, polar in enumerate(polars):
-        first = np.cos(polar) * frame[:, 2] + np.sin(polar) * frame[:, 0]
-        reach = np.linalg.norm(surface.closest(first)) + radius
-        normals[row] = turns[row] @ first
-        X[row, :, :3, :3] = turns[row] @ build_frame(-first)
-        X[row, :, :3, 3] = center + reach * normals[row]
-    return normals, X
+    return N, X
 
 
 def _solve(
-    hand: HandModel, finger: int, workspace: Workspace, center: Array, normals: Array, X_WF: Array
+    hand: HandModel, finger: int, leg: Leg, normals: Array, X_WF: Array
 ) -> tuple[Array, NDArray[np.bool_], list[list[str]]]:
     """Return postures (M, K, J), which stations the finger can hold (M, K), and why not where it cannot."""
-    description, limits = hand.fingers[finger], hand.limits
-    home = description.pose_at(description.q_home)[:3, 3] - center
+    description, limits, workspace = hand.fingers[finger], hand.limits, hand.workspaces[finger]
+    home = description.pose_at(description.q_home)[:3, 3] - leg.center
     near = normals @ (home / np.linalg.norm(home)) > np.cos(_SIGHT)
     q = np.full((*near.shape, description.chain.n_joints), np.nan)
     ok = np.zeros(near.shape, dtype=bool)
@@ -123,72 +156,82 @@ def _solve(
         lower, upper = description.chain.lower[: fixed.shape[1]], description.chain.upper[: fixed.shape[1]]
         room = np.minimum(fixed - lower, upper - fixed)
         inside = room.min(axis=1) >= limits.joint_margin
-        away = compute_dexterity(description.chain, solved) >= limits.dexterity
-        fine = reached & inside & away
-        q[near], ok[near] = solved, fine
+        away = np.zeros(len(solved), dtype=bool)
+        away[reached & inside] = (
+            compute_dexterity(description.chain, solved[reached & inside]) >= limits.dexterity
+        )
+        q[near], ok[near] = solved, reached & inside & away
         texts = np.array(
             [f"the limit of {name.split('/')[-1]}" for name in description.joint_names], dtype=object
         )
-        why = np.where(away, texts[room.argmin(axis=1)], "a singular posture")
+        why = np.where(inside, "a singular posture", texts[room.argmin(axis=1)])
         reason[near] = np.where(reached, why, "the end of its workspace")
-        for row, k in np.argwhere(ok):
-            clearance, names = _clear_alone(hand, finger, q[row, k], center)
-            if clearance < limits.clearance:
-                ok[row, k], reason[row, k] = False, f"{names} too near"
+        _look_around(hand, finger, leg, q, ok, reason)
     return q, ok, [list(row) for row in reason]
 
 
-def _clear_alone(hand: HandModel, finger: int, q: Array, center: Array) -> tuple[float, str]:
-    """Return the clearance of one finger touching the object, all others at home; its own tip's spin does not matter."""
+def _look_around(
+    hand: HandModel, finger: int, leg: Leg, q: Array, ok: NDArray[np.bool_], reason: NDArray[np.object_]
+) -> None:
+    """Take out the stations at which the finger, all others at home, comes too near to something.
+
+    One station in ``_LOOK`` is looked at and speaks for its neighbours: whatever a plan goes through is looked at again.
+    """
+    shifts = leg.motions[1]
     posture = hand.q_home
-    posture[finger] = q
-    return hand.probe.compute_clearance(posture, make_pose(p=center), (finger,))
+    group = np.arange(ok.shape[1]) // _LOOK
+    for row in range(len(ok)):
+        for g in np.unique(group[ok[row]]):
+            stations = np.flatnonzero(ok[row] & (group == g))
+            k = int(stations[len(stations) // 2])
+            posture[finger] = q[row, k]
+            clearance, names = hand.probe.compute_clearance(
+                posture, make_pose(p=leg.center + shifts[k]), (finger,)
+            )
+            if clearance < hand.limits.clearance:
+                ok[row, stations] = False
+                reason[row, stations] = f"{names} too near"
 
 
 def _measure_runs(
-    hand: HandModel, finger: int, q: Array, ok: NDArray[np.bool_], why: list[str], sense: int
+    hand: HandModel, finger: int, leg: Leg, q: Array, ok: NDArray[np.bool_], why: list[str]
 ) -> tuple[NDArray[np.intp], Array, tuple[str, ...]]:
     """Return carry (K,), the landing spin (K,) that centres the tip's roll over the run, and what ends each run."""
-    chain = hand.fingers[finger].chain
+    chain, count = hand.fingers[finger].chain, len(q)
     room = float(chain.upper[-1] - chain.lower[-1]) - 2.0 * hand.limits.joint_margin
     middle = 0.5 * float(chain.upper[-1] + chain.lower[-1])
-    carry, spin, limit = np.zeros(STATIONS, dtype=np.intp), np.zeros(STATIONS), [""] * STATIONS
-    # What the step from each station to the next one asks: is it continuous, and how far does the last joint turn?
-    step = np.roll(q, -sense, axis=0) - q
-    joined: NDArray[np.bool_] = np.abs(step[:, :-1]).max(axis=1) <= _JUMP
+    rolls, sign = chain.has_tip_roll, chain.roll_sign
+    carry, spin, limit = np.zeros(count, dtype=np.intp), np.zeros(count), [""] * count
+    if not ok.any():
+        return carry, read_only(spin), tuple(limit)
+    # Twice around in the order in which stations are passed; a shift is passed once.
+    order = np.arange(count) if leg.is_shift else leg.sense * np.arange(2 * count) % count
+    step = np.diff(q[order], axis=0)
     turn = step[:, -1] - 2.0 * np.pi * np.round(step[:, -1] / (2.0 * np.pi))
-    reached, joined_list, turn_list = list(ok), list(joined), turn.tolist()
-    rolls = chain.has_tip_roll
-    for k in np.flatnonzero(ok):
-        value = low = high = float(q[k, -1])
-        here, count, end = int(k), 0, "a whole turn"
-        while count < STATIONS - 1:
-            there = (here + sense) % STATIONS
-            if not reached[there]:
-                end = why[there]
-                break
-            if not joined_list[here]:
-                end = "a singular posture"
-                break
-            value += turn_list[here]
-            if max(high, value) - min(low, value) > room:
-                end = "the limit of its last joint"
-                break
-            low, high = min(low, value), max(high, value)
-            here, count = there, count + 1
-        carry[k], limit[k] = count, end
-        if rolls:
-            spin[k] = chain.roll_sign * (middle - 0.5 * (low + high))
-    return carry, spin, tuple(limit)
-
-
-def carried_posture(hand: HandModel, orbit: Orbit, landed: int, steps: int, sense: int) -> Array:
-    """Return the posture (J,) of a finger that landed at station ``landed`` and was carried ``steps`` stations on."""
-    chain = hand.fingers[orbit.finger].chain
-    k = (landed + sense * steps) % STATIONS
-    q = orbit.posture(k, float(orbit.spin[landed]), chain.roll_sign)
-    if compute_joint_margin(chain, q) < 0.0:
-        # The table wraps the last joint to one turn; the run it belongs to decides which turn is meant.
-        turns = np.array([q + 2.0 * np.pi * n * np.eye(chain.n_joints)[-1] for n in (-1, 0, 1)])
-        q = turns[int(np.argmax(compute_joint_margin(chain, turns)))]
-    return q
+    with np.errstate(invalid="ignore"):
+        joined = np.abs(step[:, :-1]).max(axis=1) <= _JUMP
+    passed = joined & ok[order[1:]] & ok[order[:-1]]
+    value = np.concatenate([[0.0], np.cumsum(np.where(passed, turn, 0.0))])
+    breaks = np.append(np.flatnonzero(~passed), len(order) - 1)
+    first = 0
+    for last in breaks.tolist():  # stations order[first] .. order[last] are one stretch
+        if first < count and ok[order[first]]:
+            if last < len(order) - 1:
+                there = order[last + 1]
+                end = "a singular posture" if ok[there] else why[there]
+            else:
+                end = "the end of the shift" if leg.is_shift else "a whole turn"
+            stretch = value[first : last + 1]
+            for j in range(first, min(last + 1, count)):
+                ahead = stretch[j - first :]
+                high, low = np.maximum.accumulate(ahead), np.minimum.accumulate(ahead)
+                fits = high - low <= room
+                many = len(ahead) if fits.all() else int(fits.argmin())
+                here = order[j]
+                carry[here] = min(many, count) - 1
+                limit[here] = end if many == len(ahead) else "the limit of its last joint"
+                if rolls:
+                    centred = 0.5 * (low[carry[here]] + high[carry[here]]) - ahead[0]
+                    spin[here] = sign * (middle - q[here, -1] - centred)
+        first = last + 1
+    return carry, read_only(spin), tuple(limit)

@@ -1,14 +1,29 @@
-"""From a goal to a plan: reads the start, runs the search, and says in words why where there is no plan."""
+"""From a goal to a plan: reads the start, tries route after route, and says in words why where there is no plan."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from dexplan.planning.admissible import Admissibility
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.gaits import build_actions
-from dexplan.planning.goal import RotationGoal
+from dexplan.planning.goal import VERTICAL, RotationGoal, build_routes
 from dexplan.planning.hand import HandModel
+from dexplan.planning.held import Held
+from dexplan.planning.legs import Leg
 from dexplan.planning.plan import SOLVED, Action, Placement, Plan
-from dexplan.planning.search import CURE, GaitSearch
+from dexplan.planning.search import CURE, GaitSearch, Node
 from dexplan.spatial import Array
+
+Start = tuple[Array | None, ...] | None
+"""Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
+None for a free finger.  None instead of the tuple where the planner may choose."""
+
+PATIENCE = (60, 240, 960, 3840)
+"""Nodes that every route may open in one round before the next route has its turn; the last round is for the whole budget."""
 
 
 def refuse(
@@ -40,7 +55,7 @@ def _answer(
         X_WO_start=goal.X_WO_start,
         X_WO_goal=goal.X_WO_goal,
         axis_W=goal.axis_W,
-        turned_angle=goal.angle,
+        turned_angle=None if goal.is_attitude else goal.angle,
         start_contacts=contacts,
         actions=actions,
         normal_force=hand.normal_force,
@@ -49,65 +64,184 @@ def _answer(
 
 
 def plan_rotation(
-    hand: HandModel, goal: RotationGoal, start: tuple[Array | None, ...] | None, node_budget: int
+    hand: HandModel,
+    goal: RotationGoal,
+    start: Start,
+    node_budget: int,
+    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
 ) -> Plan:
-    """Return a plan that turns the object by ``goal.angle`` about ``goal.axis_W`` with finger substitution.
+    """Return a plan that takes the object to ``goal`` by finger gaiting.
 
-    ``start`` holds the outward normals (3,) in W where the fingers touch at first, None for a free finger; or is None where
-    the planner may choose.  No plan is an answer with a status, not an exception.
+    ``primitives``: the gaits that may be used; "rewind" alone moves the object with one pair of fingers only.  No plan is an
+    answer with a status, not an exception.
     """
-    table = ContactTable(hand, goal)
-    held = table.prepare(start if start is not None else (None,) * len(hand.fingers))
-    contacts: tuple[Placement | None, ...] = (None,) * len(hand.fingers)
-    if start is None:
-        grasps = table.start_pairs()
-        if not grasps:
-            return refuse(
-                hand,
-                goal,
+    return _Planning(hand, goal, start, node_budget, primitives).answer()
+
+
+@dataclass(eq=False)
+class _Planning:
+    """One goal on its way to a plan: the routes, a search for each that was begun, and what was refused."""
+
+    hand: HandModel
+    goal: RotationGoal
+    start: Start
+    node_budget: int
+    primitives: tuple[Literal["substitution", "rewind"], ...]
+    contacts: tuple[Placement | None, ...] = ()
+    searches: list[GaitSearch] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._admissibility = Admissibility(self.hand)
+        self.contacts = (None,) * len(self.hand.fingers)
+
+    @property
+    def statistics(self) -> dict[str, float]:
+        """Nodes opened, states checked and routes begun."""
+        return {
+            "nodes": sum(s.opened for s in self.searches),
+            "states_checked": sum(s.states_checked for s in self.searches),
+            "routes": len(self.searches),
+        }
+
+    def answer(self) -> Plan:
+        """Return the plan."""
+        if refusal := self._check_goal():
+            return self._refuse("goal_unreachable", refusal)
+        routes = build_routes(self.goal, self._choose_swings())
+        first = GaitSearch(self.hand, routes[0], self._admissibility, self.primitives)
+        self.searches.append(first)
+        if refused := self._begin_first(first):
+            return refused
+        pair_missing = self.start is not None and not first.tables[0].has_pair(self._held(first))
+        for patience in (*PATIENCE, self.node_budget):
+            for index, route in enumerate(routes):
+                if index == len(self.searches):
+                    self.searches.append(self._begin(route))
+                search = self.searches[index]
+                left = self.node_budget - int(self.statistics["nodes"])
+                if (node := search.run(min(patience, left))) is not None:
+                    return self._build(search, node)
+            if all(s.is_exhausted for s in self.searches) or self.statistics["nodes"] >= self.node_budget:
+                break
+        if pair_missing:
+            return self._refuse(
+                "no_admissible_pair",
+                f"no two of the start contacts are {first.tables[0].needed_angle()}, so no finger can be lifted, and the goal "
+                "lies beyond what this grasp can do alone; the plan would have to begin with rolling, which is not built yet; "
+                f"move two contacts apart, or {CURE}",
+            )
+        if all(s.is_exhausted for s in self.searches):
+            return self._refuse("no_gait", f"{first.reason}; {CURE}")
+        return self._refuse(
+            "budget_exhausted",
+            f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget",
+        )
+
+    def _refuse(self, status: str, reason: str) -> Plan:
+        return _answer(self.hand, self.goal, status, reason, self.contacts, (), self.statistics)
+
+    def _build(self, search: GaitSearch, node: Node) -> Plan:
+        steps = search.steps(node)
+        first: list[Placement | None] = [None] * len(self.hand.fingers)
+        for placement in steps[0].contacts:
+            first[placement.finger] = placement
+        actions = build_actions(steps, tuple(first), self.goal.axis_W)
+        return _answer(self.hand, self.goal, SOLVED, "", tuple(first), actions, self.statistics)
+
+    # -- goal and routes -------------------------------------------------------------------------------------------------
+
+    def _check_goal(self) -> str:
+        """Return why the object cannot be held at a shifted goal by any pair of fingers; "" if it can, or is not shifted."""
+        if not np.any(self.goal.shift_W):
+            return ""
+        # Held still there: any attitude will do for a ball.
+        table = ContactTable(self.hand, Leg(self.goal.X_WO_goal, VERTICAL))
+        if table.start_pairs(1):
+            return ""
+        x, y, z = 1e3 * self.goal.shift_W
+        return (
+            f"no two fingers can hold the object at the goal, ({x:.1f}, {y:.1f}, {z:.1f}) mm from its start: it lies outside "
+            "their workspaces; shorten goal.translation_m"
+        )
+
+    def _choose_swings(self) -> tuple[Array, ...]:
+        """Return horizontal axes (3,) about which the object turns easily: chords of pairs of fingers at home."""
+        if not self.goal.is_attitude:
+            return ()
+        homes, swings = self.hand.p_WF_home, []
+        for i in range(len(homes)):
+            for j in range(i + 1, len(homes)):
+                chord = (homes[j] - homes[i]) * [1.0, 1.0, 0.0]
+                if np.linalg.norm(chord) > 1e-9:
+                    swings.append(chord / np.linalg.norm(chord))
+        return tuple(swings)
+
+    def _begin(self, route: tuple[Leg, ...]) -> GaitSearch:
+        search = GaitSearch(self.hand, route, self._admissibility, self.primitives)
+        if self.start is None:
+            for pair, promise, load in search.tables[0].start_pairs():
+                search.begin(pair, promise, load)
+        elif held := self._held(search):
+            search.begin(held)
+        return search
+
+    # -- start -----------------------------------------------------------------------------------------------------------
+
+    def _contact(self, table: ContactTable, finger: int) -> Held | None:
+        assert self.start is not None
+        given = self.start[finger]
+        assert given is not None
+        if given.shape == (4, 4):
+            return table.start_at(finger, self.goal.X_WO_start @ given)
+        return table.start_along(finger, given)
+
+    def _held(self, search: GaitSearch) -> tuple[Held, ...]:
+        """Return the start contacts on a search's first leg; none where one of them is out of reach."""
+        assert self.start is not None
+        fingers = [i for i, given in enumerate(self.start) if given is not None]
+        held = [self._contact(search.tables[0], i) for i in fingers]
+        return tuple(h for h in held if h is not None) if all(held) else ()
+
+    def _begin_first(self, search: GaitSearch) -> Plan | None:
+        """Begin the first route, or return the refusal of the start."""
+        table = search.tables[0]
+        if self.start is None:
+            pairs = table.start_pairs()
+            for pair, promise, load in pairs:
+                search.begin(pair, promise, load)
+            if pairs:
+                return None
+            return self._refuse(
                 "no_force_closure_pair",
                 f"no two fingers reach contacts {table.needed_angle()}; {CURE}",
             )
-    else:
-        for finger, normal in enumerate(start):
-            if normal is not None and held[finger] is None:
-                return refuse(
-                    hand,
-                    goal,
+        held: list[Held] = []
+        for finger, given in enumerate(self.start):
+            if given is None:
+                continue
+            name, contact = self.hand.fingers[finger].name, self._contact(table, finger)
+            if contact is None:
+                return self._refuse(
                     "start_unreachable",
-                    f"{hand.fingers[finger].name} cannot hold its start contact: it lies outside the finger's workspace or "
+                    f"{name} cannot hold its start contact: it lies outside the finger's workspace or "
                     'against a joint limit; move the contact towards the finger, or set start.contacts_deg = "auto"',
                 )
-            if normal is not None and not table.allows(normal, 0):
-                return refuse(
-                    hand,
-                    goal,
+            if not table.allows(table.normal(contact), 0):
+                return self._refuse(
                     "start_not_allowed",
-                    f"the start contact of {hand.fingers[finger].name} lies outside object.allowed_regions; move it inside, "
+                    f"the start contact of {name} lies outside object.allowed_regions; move it inside, "
                     'or set start.contacts_deg = "auto"',
                 )
-        contacts = tuple(None if h is None else table.placement(h, 0) for h in held)
-        grasps = [tuple(h for h in held if h is not None)]
-    search = GaitSearch(table, node_budget)
-    refusal = "" if start is None else search.margins(grasps[0]).refusal
-    if refusal and table.has_pair(grasps[0]):
-        reason = (
-            f"the start contacts do not hold the object: {refusal}; move them nearer to opposite, or {CURE}"
-        )
-        return _answer(hand, goal, "start_inadmissible", reason, contacts, (), search.statistics)
-    node, status, why = search.run(grasps)
-    if node is None and start is not None and not table.has_pair(grasps[0]):
-        reason = (
-            f"no two of the start contacts are {table.needed_angle()}, so no finger can be lifted, and the goal lies beyond what "
-            "this grasp can do alone; the plan would have to begin with rolling, which is not built yet; move two contacts "
-            f"apart, or {CURE}"
-        )
-        return _answer(hand, goal, "no_admissible_pair", reason, contacts, (), search.statistics)
-    if node is None:
-        return _answer(hand, goal, status, why, contacts, (), search.statistics)
-    steps = search.steps(node)
-    first: list[Placement | None] = [None] * len(hand.fingers)
-    for placement in steps[0].contacts:
-        first[placement.finger] = placement
-    actions = build_actions(steps, tuple(first), goal.axis_W)
-    return _answer(hand, goal, SOLVED, "", tuple(first), actions, search.statistics)
+            held.append(contact)
+        placed: list[Placement | None] = [None] * len(self.hand.fingers)
+        for h in held:
+            placed[h.finger] = table.placement(h, 0)
+        self.contacts = tuple(placed)
+        refusal = search.refuse_start(tuple(held))
+        if refusal and table.has_pair(tuple(held)):
+            return self._refuse(
+                "start_inadmissible",
+                f"the start contacts do not hold the object: {refusal}; move them nearer to opposite, or {CURE}",
+            )
+        search.begin(tuple(held))
+        return None

@@ -1,59 +1,36 @@
-"""The search: which finger lifts, where and with which spin it lands, how far the object turns in between.
+"""The search: which finger lifts, where and with which spin it lands, how far the object goes in between.
 
-Best first over grasps.  A node is a progress of the turn and the contacts that hold the object there; its children turn the
-object with that grasp as far as it goes (or less), put a free finger down so that it holds with one of the two, and lift the
-other: finger substitution [paper §2.2].  Everything a node promises is checked only when the search wants to go through it.
-Nothing here knows how many fingers there are, where they stand, or what the axis is.
+Best first over grasps.  A node is a progress along the legs of a route and the contacts that hold the object there; its children
+take the object on with that grasp as far as it goes (or less), put a free finger down so that it holds with one of the two, and
+lift the other: finger substitution, or a step of a finger rewind [paper §2.2].  At the end of a leg the contacts that hold begin
+the next one.  Everything a node promises is checked only when the search wants to go through it, and a finished way once more
+by the judge itself.  Nothing here knows how many fingers there are, where they stand, or what the axis is.
 """
 
 from __future__ import annotations
 
 import heapq
-import re
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.planning.admissible import Admissibility, Margins, worst
-from dexplan.planning.contacts import ContactTable, Held
+from dexplan.planning.admissible import Admissibility, worst
+from dexplan.planning.contacts import ContactTable
 from dexplan.planning.gaits import Step
 from dexplan.planning.hand import HandModel
-from dexplan.planning.plan import SOLVED
-from dexplan.planning.travel import build_travel, compute_hover
-from dexplan.spatial import Array, make_pose
+from dexplan.planning.held import Held, Landfall
+from dexplan.planning.legs import Leg
+from dexplan.planning.nodes import Node, build_steps, trace_back
+from dexplan.planning.states import StateChecks, without_numbers
 
-TURNS = (1.0, 0.9, 0.8, 0.65, 0.5, 0.3)
-"""Shares of the longest possible turn after which a substitution is tried."""
+TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)
+"""Shares of the longest possible motion after which a finger is exchanged."""
 STRIDE = 4
 """A first look at a motion checks every so many stations."""
 GREED = 3.0
 """How much more a turn still to be made counts than placements already spent.  One placement is taken to be worth half of what
 a finger can carry a contact; above 1 the search looks for a good gait soon rather than for the best one at last."""
 CURE = "raise the friction, lower friction.safety, or use a lighter object"
-
-
-@dataclass(eq=False)
-class Node:
-    """Progress ``done`` [stations], the contacts that hold, and how the search came here.
-
-    From ``parent`` the object was turned by ``moved`` stations, then ``placed`` came down and ``lifted`` went up.  ``limit`` is
-    the limiting finger (None where it is no finger) and what ends the turn ``reach`` stations further on; the first ``checked``
-    stations of the turn are known to be admissible, and the next one is not where ``refusal`` says why.
-    """
-
-    done: int
-    held: tuple[Held, ...]
-    placements: int
-    parent: Node | None = None
-    moved: int = 0
-    placed: Held | None = None
-    lifted: Held | None = None
-    reach: int | None = None
-    limit: tuple[int | None, str] = (None, "")
-    checked: int = 0
-    refusal: str = ""
-    margins: dict[str, float] = field(default_factory=dict)
-    place_margins: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(order=True)
@@ -64,244 +41,306 @@ class _Entry:
 
 
 class GaitSearch:
-    """Searches a gait through the contacts of ``table``."""
+    """Searches a gait along the legs of a route; can be asked to go on where it stopped.
 
-    def __init__(self, table: ContactTable, node_budget: int) -> None:
-        self._table, self._budget = table, node_budget
-        self._hand: HandModel = table.hand
-        self._admissibility = Admissibility(table.hand)
-        self._memo: dict[tuple[tuple[int, int, int], ...], Margins] = {}
-        self._ways: dict[tuple[int, int, int], Array] = {}
+    ``primitives``: "substitution", "rewind", or both.  With "rewind" alone the object is only ever moved by one pair of fingers.
+    """
+
+    def __init__(
+        self,
+        hand: HandModel,
+        route: tuple[Leg, ...],
+        admissibility: Admissibility,
+        primitives: tuple[str, ...] = ("substitution",),
+        first: ContactTable | None = None,
+    ) -> None:
+        self._hand, self.route = hand, route
+        self.tables = [first or ContactTable(hand, route[0]), *(ContactTable(hand, leg) for leg in route[1:])]
+        self._checks = [StateChecks(table, admissibility) for table in self.tables]
+        self._rewinds_only = "substitution" not in primitives
+        self._heap: list[_Entry] = []
+        self._serial = 0
+        self._seen: set[tuple[object, ...]] = set()
         self._refusals: dict[str, int] = {}
-        self.expanded = 0
+        self._worths: dict[int, float] = {}
+        self.opened = 0
 
     @property
-    def statistics(self) -> dict[str, float]:
-        """Nodes opened and states checked."""
-        return {"nodes": self.expanded, "states_checked": len(self._memo)}
+    def states_checked(self) -> int:
+        """Number of states looked at."""
+        return sum(checks.count for checks in self._checks)
+
+    @property
+    def is_exhausted(self) -> bool:
+        """Whether there is nothing left to open."""
+        return not self._heap
+
+    @property
+    def reason(self) -> str:
+        """The most common refusals, in words."""
+        common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
+        return "; ".join(text for text, _ in common) or "no placement holds with a finger that holds already"
+
+    def refuse_start(self, held: tuple[Held, ...]) -> str:
+        """Return why the first grasp cannot hold the object, "" if it can."""
+        return self._checks[0].judge(held).refusal
+
+    def begin(self, held: tuple[Held, ...], promise: int | None = None, load: float = 0.5) -> None:
+        """Add a grasp to start from."""
+        lasts = min(h.left for h in held) if promise is None else promise
+        self._push(Node(0, 0, held, 0, promise=lasts, load=load))
+
+    def run(self, nodes: int) -> Node | None:
+        """Open up to ``nodes`` more nodes; return the one from which the goal is reached, None if there was none."""
+        limit = self.opened + nodes
+        while self._heap and self.opened < limit:
+            node = heapq.heappop(self._heap).node
+            key = self._key(node)
+            if key in self._seen:
+                continue
+            if node.lifted is not None and (refusal := self._check_arrival(node)):
+                self._refuse(refusal)
+                continue
+            self._seen.add(key)
+            self.opened += 1
+            refusal = self._walk(node)
+            if refusal:
+                self._refuse(refusal)
+                continue
+            if self._ends_leg(node):
+                if node.leg + 1 < len(self.route):
+                    self._enter_next_leg(node)
+                elif not (refusal := self._verify(trace_back(node))):
+                    return node
+                else:
+                    self._refuse(refusal)
+            for child in self._children(node):
+                self._push(child)
+        return None
 
     # -- checks ----------------------------------------------------------------------------------------------------------
 
-    def margins(self, held: tuple[Held, ...]) -> Margins:
-        """Return the margins of holding the object with ``held``, all other fingers at home."""
-        key = tuple(sorted(_where(h) for h in held))
-        if key not in self._memo:
-            q = self._hand.q_home
-            states = {h.finger: self._table.state(h) for h in held}
-            for finger, state in states.items():
-                q[finger] = state.q
-            # A sphere is the same at any progress, so one check serves all.
-            pose = make_pose(p=self._table.goal.X_WO_start[:3, 3])
-            axis = self._table.sense * self._table.goal.axis_W
-            self._memo[key] = self._admissibility.compute_margins_of(states, q, pose, axis_W=axis)
-        return self._memo[key]
+    def _may_move(self, node: Node) -> bool:
+        """Return whether the node's grasp is one that may move the object."""
+        fingers = tuple(sorted(h.finger for h in node.held))
+        return not (self._rewinds_only and node.pair and fingers != node.pair)
 
-    def _walk(self, node: Node) -> int:
-        """Return how many stations the node's grasp can turn the object (-1: it cannot hold it), and note what ends it.
+    def _walk(self, node: Node) -> str:
+        """Find how many stations the node's grasp can take the object, and what ends it; return why it cannot hold it at all.
 
-        Every ``STRIDE``-th station is checked here, and the last; all of them once the search wants to go on from a turn.
+        Every ``STRIDE``-th station is checked here, and the last; all of them once the search wants to go on from there.
         """
+        table, checks = self.tables[node.leg], self._checks[node.leg]
         limiter = min(node.held, key=lambda h: h.left)
-        furthest = min(limiter.left, self._table.stations - node.done)
+        furthest = min(limiter.left, table.stations - node.done)
+        if not self._may_move(node):
+            node.limit, furthest = (None, "only one pair of fingers moves the object"), 0
         last = -1
         for k in sorted({*range(0, furthest, STRIDE), furthest}):
             held = tuple(h.carried(k) for h in node.held)
-            row = self.margins(held)
-            if not row.is_admissible or not self._table.keeps_order(held):
-                node.limit = (None, row.refusal or "the fingers would change their order")
-                return last
+            refusal = checks.refuse(held) or self._check_order(table, held)
+            if refusal:
+                node.limit = (None, refusal)
+                node.reach = last
+                return "" if last >= 0 else refusal
             last = k
-        to_goal = node.done + furthest >= self._table.stations
-        node.limit = (None, "the goal") if to_goal else (limiter.finger, self._table.limit(limiter))
-        return furthest
+        node.reach = furthest
+        if node.done + furthest >= table.stations:
+            node.limit = (None, "the goal" if node.leg + 1 == len(self.route) else "the end of this leg")
+        elif furthest or self._may_move(node):
+            node.limit = (limiter.finger, table.limit(limiter))
+        return ""
 
-    def _check_turn(self, node: Node, turn: int) -> str:
-        """Return why the node's grasp cannot turn the object by ``turn`` stations, each of them checked; "" if it can."""
-        while node.checked <= turn and not node.refusal:
-            row = self.margins(tuple(h.carried(node.checked) for h in node.held))
-            node.refusal = row.refusal
-            node.checked += not node.refusal
-        return node.refusal if node.checked <= turn else ""
+    def _check_order(self, table: ContactTable, held: tuple[Held, ...]) -> str:
+        normals = table.with_free({h.finger: table.normal(h) for h in held})
+        return "" if table.keep_order(normals) else "the fingers would change their order"
 
-    def _note_margins(self, way: list[Node]) -> None:
-        """Keep the worst margins of every turn of a finished way."""
-        for here, turn in zip(way, self._turns(way), strict=True):
-            rows = [self.margins(tuple(h.carried(k) for h in here.held)) for k in range(turn + 1)]
-            here.margins = worst(rows)
-
-    def _turns(self, way: list[Node]) -> list[int]:
-        """Return the stations turned with the grasp of each node of a way, the last one turning to the goal."""
-        return [*(n.moved for n in way[1:]), self._table.stations - way[-1].done]
+    def _check_motion(self, node: Node, stations: int) -> str:
+        """Return why the node's grasp cannot take the object ``stations`` on, each of them checked; "" if it can."""
+        checks = self._checks[node.leg]
+        for k in range(stations + 1):
+            if refusal := checks.refuse(tuple(h.carried(k) for h in node.held)):
+                return refusal
+        return ""
 
     def _check_arrival(self, node: Node) -> str:
         """Return why the relocation that leads to ``node`` cannot be done, "" if it can."""
         assert node.lifted is not None
         assert node.parent is not None
-        table = self._table
-        if refusal := self._check_turn(node.parent, node.moved):
+        checks, limits = self._checks[node.leg], self._hand.limits
+        if refusal := checks.refuse(node.held) or self._check_motion(node.parent, node.moved):
             return refusal
         before = (*(h for h in node.held if h is not node.placed), node.lifted)
-        grasp = self.margins(node.held)
-        if not grasp.is_admissible:
-            return grasp.refusal
-        q = self._hand.q_home
-        for h in before:
-            q[h.finger] = table.state(h).q
-        X_WO = table.object_pose(node.done)
         clearances = []
         if node.placed is not None:
-            clearances.append(self._check_way(q, X_WO, node.placed, before, node.done))
-            q[node.placed.finger] = table.state(node.placed).q
-            everyone = {h.finger: table.state(h) for h in (*before, node.placed)}
-            together = self._admissibility.compute_margins_of(everyone, q, X_WO)
-            if not together.is_admissible:
-                return together.refusal
-            clearances.append((together.clearance, "the fingers on the object"))
-        clearances.append(self._check_way(q, X_WO, node.lifted, node.held, node.done))
+            clearances.append(checks.clear_of((*before, node.placed), node.done))
+            if clearances[-1][0] >= limits.clearance:
+                together = checks.together((*before, node.placed), node.done)
+                if not together.is_admissible:
+                    return together.refusal
+                clearances.append(checks.clear_on_way(node.placed, before, node.done))
+        if min(clearances, default=(np.inf, ""))[0] >= limits.clearance:
+            clearances.append(checks.clear_on_way(node.lifted, node.held, node.done))
         least, names = min(clearances)
-        node.place_margins = {**grasp.as_dict(), "clearance_mm": 1e3 * min(least, grasp.clearance)}
-        if least < self._hand.limits.clearance:
-            return f"{names} come within {1e3 * least:.1f} mm on the way"
+        node.place_margins = {"clearance_mm": 1e3 * least}
+        return f"{names} come within {1e3 * least:.1f} mm on the way" if least < limits.clearance else ""
+
+    def _ends_leg(self, node: Node) -> bool:
+        """Return whether the node's grasp takes the object to the end of its leg, all stations checked."""
+        missing = self.tables[node.leg].stations - node.done
+        return node.reach >= missing and not self._check_motion(node, missing)
+
+    def _verify(self, way: list[Node]) -> str:
+        """Ask the judge about every state of a finished way; note the margins, and return the first refusal."""
+        for here, moved in zip(way, self._motions(way), strict=True):
+            checks = self._checks[here.leg]
+            rows = [checks.judge(tuple(h.carried(k) for h in here.held)) for k in range(moved + 1)]
+            for row in rows:
+                if not row.is_admissible:
+                    return row.refusal
+            here.margins = worst(rows)
+            if here.lifted is not None:
+                least = here.place_margins["clearance_mm"]
+                grasp = rows[0].as_dict()
+                here.place_margins = {**grasp, "clearance_mm": min(least, grasp["clearance_mm"])}
         return ""
 
-    def _check_way(
-        self, q: Array, X_WO: Array, held: Held, holding: tuple[Held, ...], done: int
-    ) -> tuple[float, str]:
-        """Return the clearance between a finger's home and its hover over ``held``; the rest of the way is along the normal."""
-        path = self._ways.get(_where(held))
-        if path is None:
-            hand, finger = self._hand, self._hand.fingers[held.finger]
-            placement = self._table.placement(held, done)
-            hover = compute_hover(finger, X_WO, placement.X_OF, placement.normal_O, placement.q, hand.hover)
-            path = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
-            self._ways[_where(held)] = path
-        fingers = tuple(h.finger for h in holding)
-        return self._admissibility.compute_path_clearance(q, X_WO, held.finger, path, fingers)
+    def _motions(self, way: list[Node]) -> list[int]:
+        """Return the stations moved with the grasp of each node of a way, the last one moving to the goal."""
+        return [*(n.moved for n in way[1:]), self.tables[-1].stations - way[-1].done]
 
     # -- search ----------------------------------------------------------------------------------------------------------
 
-    def run(self, starts: list[tuple[Held, ...]]) -> tuple[Node | None, str, str]:
-        """Search from the given grasps; return the goal node, or None with a status and why."""
-        runs = [np.percentile(c.carry, 90) for c in self._table.candidates.values() if len(c.carry)]
-        worth = max(1.0, 0.5 * float(np.mean(runs))) if runs else 1.0
-        heap = [
-            _Entry(self._rank(node, worth), k, node) for k, node in enumerate(Node(0, h, 0) for h in starts)
-        ]
-        heapq.heapify(heap)
-        serial = len(heap)
-        seen: set[tuple[object, ...]] = set()
-        while heap and self.expanded < self._budget:
-            node = heapq.heappop(heap).node
-            key = self._key(node)
-            if key in seen:
-                continue
-            if node.lifted is not None and (refusal := self._check_arrival(node)):
-                self._refuse(refusal)
-                continue
-            seen.add(key)
-            self.expanded += 1
-            node.reach = self._walk(node)
-            if node.reach < 0:
-                self._refuse(node.limit[1])
-                continue
-            if node.done + node.reach >= self._table.stations:
-                if refusal := self._check_turn(node, self._table.stations - node.done):
-                    self._refuse(refusal)
-                    continue
-                self._note_margins(_trace_back(node))
-                return node, SOLVED, ""
-            for child in self._children(node, node.reach):
-                heapq.heappush(heap, _Entry(self._rank(child, worth), serial, child))
-                serial += 1
-        common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
-        why = "; ".join(text for text, _ in common) or "no placement holds with a finger that holds already"
-        if heap:
-            return (
-                None,
-                "budget_exhausted",
-                f"no gait within {self._budget} nodes ({why}); raise gait.node_budget",
-            )
-        return None, "no_gait", f"{why}; {CURE}"
+    def _push(self, node: Node) -> None:
+        heapq.heappush(self._heap, _Entry(self._rank(node), self._serial, node))
+        self._serial += 1
 
     def _key(self, node: Node) -> tuple[object, ...]:
         """Return what makes two nodes the same to the search: neighbouring stations count as one."""
-        sense = self._table.sense
-        places = frozenset((h.finger, h.orbit, (h.landed + sense * h.steps) // 2) for h in node.held)
-        return node.done // 2, places
+        table = self.tables[node.leg]
+        places = frozenset((h.finger, h.orbit, table.station(h) // 2) for h in node.held)
+        return node.leg, node.done // 2, places, node.pair if self._rewinds_only else ()
 
     def _refuse(self, refusal: str) -> None:
-        """Count a refusal; distances differ from state to state, so they are left out of the text."""
-        text = re.sub(r" within -?[0-9.]+ mm", " too near", refusal)
+        text = without_numbers(refusal)
         self._refusals[text] = self._refusals.get(text, 0) + 1
 
-    def _rank(self, node: Node, worth: float) -> float:
+    def _worth(self, leg: int) -> float:
+        """Return the stations that one placement is worth on a leg: half of what a finger can carry a contact."""
+        if self.route[leg].is_shift:
+            return float(self.tables[leg].stations)
+        if leg not in self._worths:
+            runs = [np.percentile(c.carry, 90) for c in self.tables[leg].candidates.values() if len(c.carry)]
+            self._worths[leg] = max(1.0, 0.5 * float(np.mean(runs))) if runs else 1.0
+        return self._worths[leg]
+
+    def _rank(self, node: Node) -> float:
         """Return the priority of a node; the smallest is opened first."""
         # A turn ends when one contact is used up; what the other has left then serves the next turn, about half of it.
-        left = [h.left for h in node.held]
-        ahead = self._table.stations - node.done
-        missing = 0.0 if ahead <= min(left) else max(0.7, (ahead - float(np.mean(left))) / worth)
-        # Between equals, prefer contacts near opposite: small forces and room for error.
-        beta = self._table.pair_angle(node.held)
-        hard = max(0.0, beta - self._table.beta_easy) / self._table.beta_easy
-        return node.placements + GREED * missing + 0.6 * beta / self._table.beta_max + 6.0 * hard
+        ahead = self.tables[node.leg].stations - node.done
+        lasts = min(node.promise, *(h.left for h in node.held))
+        missing = 0.0
+        if ahead > lasts:
+            left = 0.5 * (lasts + max(h.left for h in node.held))
+            missing = max(0.7, (ahead - left) / self._worth(node.leg))
+            if self._rewinds_only:
+                missing = 2.0 * missing + 0.5 * self._rewind_steps(node)
+        later = sum(leg.stations for leg in self.route[node.leg + 1 :] if not leg.is_shift)
+        missing += later / self._worth(node.leg)
+        # Between equals, prefer grasps that carry easily: small forces and room for error.
+        return node.placements + GREED * missing + node.load + 30.0 * max(0.0, node.load - 0.88)
 
-    def _children(self, node: Node, reach: int) -> list[Node]:
-        children = []
-        for turn in sorted({round(share * reach) for share in TURNS}, reverse=True):
-            held = tuple(h.carried(turn) for h in node.held)
-            done = node.done + turn
+    def _rewind_steps(self, node: Node) -> int:
+        """Return how many placements are missing before the pair that moves the object can do so again."""
+        if not node.pair:
+            return 0
+        fresh = 0.5 * self._worth(node.leg)
+        inside = {h.finger: h.left >= fresh for h in node.held if h.finger in node.pair}
+        steps = len(node.pair) - sum(inside.values())  # those used up, and those that are away, come back
+        exhausted = sum(not good for good in inside.values())
+        # A finger that holds and is used up can only be lifted when another stands in for it.
+        stands_in = len(inside) < len(node.held)
+        return steps + (exhausted if not stands_in else max(0, exhausted))
+
+    def _children(self, node: Node) -> list[Node]:
+        """Return what can be done after going on with the node's grasp, to the end of its reach or less."""
+        table, children = self.tables[node.leg], []
+        asked: list[tuple[int, Held, Landfall]] = []
+        for turn in sorted({round(share * node.reach) for share in TURNS}, reverse=True):
+            held, done = tuple(h.carried(turn) for h in node.held), node.done + turn
+            if done >= table.stations:
+                continue  # the leg ends here; what comes next is the next leg's business
             if len(held) > 2:
-                for lifted in held:
-                    rest = tuple(h for h in held if h is not lifted)
-                    if self._table.has_pair(rest):
-                        children.append(Node(done, rest, node.placements, node, turn, None, lifted))
-                continue
-            if refusal := self._table.check_theorem_1(held):
+                children += self._lift_one(node, held, turn)
+            elif refusal := table.check_theorem_1(held):
                 self._refuse(refusal)
-                continue
-            taken = {h.finger for h in held}
-            for finger in sorted(set(self._table.candidates) - taken):
-                for keep, lifted in (held, held[::-1]):
-                    for landing in self._table.landings(finger, keep, held, done):
-                        children.append(
-                            Node(done, (keep, landing), node.placements + 1, node, turn, landing, lifted)
-                        )
+            else:
+                for finger in sorted(set(table.candidates) - {h.finger for h in held}):
+                    purpose = self._purpose(node, finger, turn)
+                    for keep, lifted in (held, held[::-1]):
+                        asked.append((turn, lifted, Landfall(finger, keep, held, done, purpose)))
+        found = table.landings([one for _, _, one in asked])
+        for (turn, lifted, one), landings in zip(asked, found, strict=True):
+            for landing in landings:
+                child = self._after(node, (one.keep, landing.held), turn, landing.held, lifted)
+                child.promise, child.load = landing.promise, landing.load
+                children.append(child)
         return children
+
+    def _after(
+        self, node: Node, held: tuple[Held, ...], turn: int, placed: Held | None, lifted: Held | None
+    ) -> Node:
+        """Return the node that comes after going on by ``turn`` stations and exchanging fingers."""
+        pair = tuple(sorted(h.finger for h in node.held)) if turn else node.pair
+        spent, lasts = node.placements + (placed is not None), min(h.left for h in held)
+        return Node(node.leg, node.done + turn, held, spent, node, turn, placed, lifted, pair, lasts)
+
+    def _lift_one(self, node: Node, held: tuple[Held, ...], turn: int) -> list[Node]:
+        """Return the nodes in which one of three or more fingers has been lifted."""
+        rests = [(lifted, tuple(h for h in held if h is not lifted)) for lifted in held]
+        return [
+            self._after(node, rest, turn, None, lifted)
+            for lifted, rest in rests
+            if self.tables[node.leg].has_pair(rest)
+        ]
+
+    def _purpose(self, node: Node, finger: int, turn: int) -> str:
+        """Return what a finger lands for: in a rewind the pair gets ready to move on, the others stand in meanwhile."""
+        pair = {h.finger for h in node.held} if turn else set(node.pair)
+        if not self._rewinds_only or not pair:
+            return "carry"
+        return "advance" if finger in pair else "stand_in"
+
+    def _enter_next_leg(self, node: Node) -> None:
+        """Let the contacts that hold at the end of a leg begin the next one."""
+        table, after = self.tables[node.leg], self.tables[node.leg + 1]
+        moved = table.stations - node.done
+        X_WO = table.leg.X_WO_end
+        held = []
+        for h in node.held:
+            landed, end = table.placement(h, node.done), table.state(h.carried(moved))
+            contact = after.start_at(h.finger, X_WO @ landed.X_OF, end.q)
+            if contact is None:
+                self._refuse(f"{self._hand.fingers[h.finger].name} cannot go on after the leg")
+                return
+            held.append(contact)
+        lasts = min(h.left for h in held)
+        child = Node(
+            node.leg + 1,
+            0,
+            tuple(held),
+            node.placements,
+            node,
+            moved,
+            pair=node.pair,
+            promise=lasts,
+            load=node.load,
+        )
+        self._push(child)
 
     # -- answer ----------------------------------------------------------------------------------------------------------
 
     def steps(self, node: Node) -> list[Step]:
         """Return the way to ``node`` and on to the goal as symbolic steps."""
-        table, way = self._table, _trace_back(node)
-        steps = []
-        for here, turn in zip(way, self._turns(way), strict=True):
-            ended = (
-                here.limit if turn == here.reach else (None, "a shorter turn leaves the better next grasp")
-            )
-            steps.append(
-                Step(
-                    contacts=tuple(table.placement(h, here.done) for h in here.held),
-                    X_WO_start=table.object_pose(here.done),
-                    X_WO_end=table.object_pose(here.done + turn),
-                    angle=table.turned(here.done + turn) - table.turned(here.done),
-                    placed=None if here.placed is None else table.placement(here.placed, here.done),
-                    lifted=None if here.lifted is None else here.lifted.finger,
-                    limit=ended,
-                    margins=here.margins,
-                    place_margins=here.place_margins,
-                )
-            )
-        return steps
-
-
-def _where(held: Held) -> tuple[int, int, int]:
-    """Return what decides a contact's posture: its orbit, where it landed (hence its spin), and how far it came."""
-    return held.orbit, held.landed, held.steps
-
-
-def _trace_back(node: Node) -> list[Node]:
-    """Return the nodes from the start to ``node``."""
-    way = [node]
-    while way[-1].parent is not None:
-        way.append(way[-1].parent)
-    return way[::-1]
+        way = trace_back(node)
+        return build_steps(self.tables, way, self._motions(way))

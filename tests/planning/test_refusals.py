@@ -74,13 +74,16 @@ def test_small_node_budget(problem: Problem) -> None:
     assert plan.statistics["nodes"] == 1
 
 
-def test_shift_and_other_tasks_are_refused_by_name(problem: Problem) -> None:
-    shifted = replace(problem, goal=replace(problem.goal, translation_m=(0.01, 0.0, 0.0)))
-    assert "goal.translation_m" in refused(pipeline.plan(shifted), "goal_not_supported")
+def test_other_tasks_are_refused_by_name(problem: Problem) -> None:
     other = replace(problem, goal=replace(problem.goal, kind="grasp_adjustment"))
     assert "grasp_adjustment" in refused(pipeline.plan(other), "goal_not_supported")
-    rewind = replace(problem, gait=replace(problem.gait, primitives=("rewind",)))
-    assert '"substitution"' in refused(pipeline.plan(rewind), "gait_not_supported")
+
+
+def test_goal_out_of_the_workspaces(problem: Problem) -> None:
+    far = replace(problem, goal=replace(problem.goal, translation_m=(0.0, 0.3, 0.0)))
+    reason = refused(pipeline.plan(far), "goal_unreachable")
+    assert "(0.0, 300.0, 0.0) mm from its start" in reason
+    assert "shorten goal.translation_m" in reason
 
 
 @pytest.mark.parametrize("name", ["hold_two", "hold_three"])

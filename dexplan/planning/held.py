@@ -1,0 +1,63 @@
+"""Contacts as the search knows them, and where fingers may land."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexplan.spatial import Array
+
+
+@dataclass(frozen=True)
+class Held:
+    """A contact as the search knows it: a finger on an orbit, where it landed, how far it came, how far it can still go."""
+
+    finger: int
+    orbit: int
+    landed: int
+    steps: int
+    left: int
+
+    def carried(self, steps: int) -> Held:
+        """Return the contact ``steps`` stations further on."""
+        return replace(self, steps=self.steps + steps, left=self.left - steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Landing places of one finger: rows of orbit index, station, outward normal in W (N, 3) and carry."""
+
+    orbit: NDArray[np.intp]
+    station: NDArray[np.intp]
+    normals: Array
+    carry: NDArray[np.intp]
+
+    def pick(self, finger: int, row: int) -> Held:
+        """Return the contact of one row."""
+        return Held(finger, int(self.orbit[row]), int(self.station[row]), 0, int(self.carry[row]))
+
+
+@dataclass(frozen=True)
+class Landing:
+    """A place to land: the contact, for how many stations the pair it makes then carries, and the share of the cone in use."""
+
+    held: Held
+    promise: int
+    load: float
+
+
+@dataclass(frozen=True)
+class Landfall:
+    """A question: where can the free ``finger`` land to hold with ``keep``, while ``held`` hold, at progress ``done``?
+
+    What counts is told by ``purpose``: "carry": the pair can take the object far; "advance": the finger itself could;
+    "stand_in": the pair holds well where it is.
+    """
+
+    finger: int
+    keep: Held
+    held: tuple[Held, ...]
+    done: int
+    purpose: str = "carry"

@@ -1,0 +1,174 @@
+"""Is a grasp admissible while it goes along a leg?  Quick answers for the search, exact ones for what it settles on.
+
+``Admissibility`` is the judge.  Loads of pairs, most of its work, are first looked at for whole runs at once: forces that balance
+the load well inside the believed cones prove that the judge will find some, and a cone exceeded by the best of them that it will
+not.  Only what lies between is asked right away; every state of a finished plan is.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexplan.planning.admissible import Admissibility, Margins
+from dexplan.planning.contacts import ContactTable
+from dexplan.planning.hand import HandModel
+from dexplan.planning.held import Held
+from dexplan.planning.loads import compute_contact_torques, compute_pair_loads, sure_share
+from dexplan.planning.travel import build_travel, compute_hover
+from dexplan.spatial import Array, make_pose
+
+SURE, UNKNOWN, NEVER = 1, 0, -1
+_SLACK = 1.02
+"""The quick answer searches on a grid: a cone is exceeded for sure only by this factor."""
+OVERLOAD = "the contacts cannot carry the load (friction)"
+
+Key = tuple[tuple[int, int, int], ...]
+
+
+def where(held: Held) -> tuple[int, int, int]:
+    """Return what decides a contact's posture: its orbit, where it landed (hence its spin), and how far it came."""
+    return held.orbit, held.landed, held.steps
+
+
+class StateChecks:
+    """Checks grasps of one leg's ``table``, each state once."""
+
+    def __init__(self, table: ContactTable, admissibility: Admissibility) -> None:
+        self._table, self._admissibility = table, admissibility
+        self._hand: HandModel = table.hand
+        self._exact: dict[Key, Margins] = {}
+        self._refusal: dict[Key, str] = {}
+        self._loads: dict[Key, NDArray[np.int8]] = {}
+        self._bias: dict[tuple[int, int], Array] = {}
+        self._ways: dict[tuple[int, int, int], Array] = {}
+
+    @property
+    def count(self) -> int:
+        """Number of states looked at."""
+        return len(self._refusal | self._exact)
+
+    def judge(self, held: tuple[Held, ...]) -> Margins:
+        """Return the margins of holding the object with ``held``, all other fingers at home: the exact answer."""
+        key = _key(held)
+        if key not in self._exact:
+            q = self._postures(held)
+            states = {h.finger: self._table.state(h) for h in held}
+            # A sphere is the same at any progress, so one check serves all.
+            pose = make_pose(p=self._table.center(held[0]))
+            row = self._admissibility.compute_margins_of(states, q, pose, axis_W=self._table.axis_W)
+            self._exact[key] = row
+            self._refusal[key] = row.refusal
+        return self._exact[key]
+
+    def refuse(self, held: tuple[Held, ...]) -> str:
+        """Return why the object cannot be held with ``held``, all other fingers at home; "" where it can: the quick answer."""
+        key = _key(held)
+        if key not in self._refusal:
+            self._refusal[key] = self._look(held)
+        return self._refusal[key]
+
+    def _look(self, held: tuple[Held, ...]) -> str:
+        if len(held) != 2:
+            return self.judge(held).refusal
+        offset = min(h.steps for h in held)
+        start = tuple(h.carried(-offset) for h in held)
+        verdict = self._assess(start)[offset]
+        if verdict == NEVER:
+            return OVERLOAD
+        limits = self._hand.limits
+        for h in held:
+            state = self._table.state(h)
+            if state.joint < limits.joint_margin or state.dexterity < limits.dexterity:
+                return self.judge(held).refusal
+        clearance, names = self._hand.probe.compute_clearance(
+            self._postures(held), make_pose(p=self._table.center(held[0])), tuple(h.finger for h in held)
+        )
+        if clearance < limits.clearance:
+            return f"{names} come within {1e3 * clearance:.1f} mm"
+        return "" if verdict == SURE else self.judge(held).refusal
+
+    def _assess(self, start: tuple[Held, ...]) -> NDArray[np.int8]:
+        """Return for all stations that a pair could go through whether it carries the load there."""
+        key = _key(start)
+        if key in self._loads:
+            return self._loads[key]
+        table, hand, limits = self._table, self._hand, self._hand.limits
+        a, b = sorted(start, key=lambda h: h.finger)
+        count = min(a.left, b.left, table.stations) + 1
+        normals = [np.stack([table.normal(h.carried(k)) for k in range(count)]) for h in (a, b)]
+        loads = compute_pair_loads(hand, normals[0], normals[1], table.wrench)
+        verdict = np.where(loads.utilisation <= sure_share(hand), SURE, UNKNOWN)
+        verdict[loads.utilisation > _SLACK * limits.cone_share] = NEVER
+        for c, h in enumerate((a, b)):
+            states = [table.state(h.carried(k)) for k in range(count)]
+            J = np.stack([s.J for s in states])
+            offset = -hand.fingers[h.finger].tip_radius * normals[c]
+            torque = compute_contact_torques(J, offset, loads.forces[:, c], loads.torsions[:, c], normals[c])
+            torque += self._gravity(h)[h.steps : h.steps + count]
+            strained = (np.abs(torque) > limits.torque_share * hand.fingers[h.finger].torque_limit).any(1)
+            verdict[strained & (verdict == SURE)] = UNKNOWN
+        self._loads[key] = verdict.astype(np.int8)
+        return self._loads[key]
+
+    def _gravity(self, held: Held) -> Array:
+        """Return the joint torques (run, J) that hold the finger's own weight along its run."""
+        key = (held.orbit, held.landed)
+        if key not in self._bias:
+            rest = held.carried(-held.steps)
+            q, rows = self._hand.q_home, []
+            for k in range(rest.left + 1):
+                q[held.finger] = self._table.state(rest.carried(k)).q
+                rows.append(self._hand.probe.compute_gravity_torque(q)[held.finger])
+            self._bias[key] = np.stack(rows)
+        return self._bias[key]
+
+    def _postures(self, held: tuple[Held, ...]) -> Array:
+        q = self._hand.q_home
+        for h in held:
+            q[h.finger] = self._table.state(h).q
+        return q
+
+    # -- exchanges of fingers --------------------------------------------------------------------------------------------
+
+    def together(self, held: tuple[Held, ...], done: int) -> Margins:
+        """Return the margins while all of ``held`` touch and the object rests at progress ``done``."""
+        states = {h.finger: self._table.state(h) for h in held}
+        return self._admissibility.compute_margins_of(
+            states, self._postures(held), self._table.leg.pose(done)
+        )
+
+    def clear_of(self, held: tuple[Held, ...], done: int) -> tuple[float, str]:
+        """Return the clearance [m] while all of ``held`` touch."""
+        return self._hand.probe.compute_clearance(
+            self._postures(held), self._table.leg.pose(done), tuple(h.finger for h in held)
+        )
+
+    def clear_on_way(self, moving: Held, holding: tuple[Held, ...], done: int) -> tuple[float, str]:
+        """Return the clearance [m] between a finger's home and its hover over a contact while ``holding`` hold.
+
+        The rest of the way is along the normal.
+        """
+        X_WO = self._table.leg.pose(done)
+        path = self._ways.get(where(moving))
+        if path is None:
+            hand, finger = self._hand, self._hand.fingers[moving.finger]
+            placement = self._table.placement(moving, done)
+            hover = compute_hover(finger, X_WO, placement.X_OF, placement.normal_O, placement.q, hand.hover)
+            path = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
+            self._ways[where(moving)] = path
+        fingers = tuple(h.finger for h in holding)
+        return self._admissibility.compute_path_clearance(
+            self._postures(holding), X_WO, moving.finger, path, fingers
+        )
+
+
+def without_numbers(refusal: str) -> str:
+    """Return a refusal without what differs from state to state, so that like refusals can be counted."""
+    return re.sub(r" within -?[0-9.]+ mm", " too near", refusal)
+
+
+def _key(held: tuple[Held, ...]) -> Key:
+    return tuple(sorted(where(h) for h in held))
