@@ -88,13 +88,13 @@ def tabulate(boundaries: Iterable[Boundary]) -> str:
     """Return one line per boundary."""
     lines = [
         f"{'experiment':<11}{'mu':>5}{'closed form':>13}{'load aware':>12}{'simulated':>11}{'difference':>12}{'demand':>9}"
-        f"{'step':>8}{'torque':>8}  gives way"
+        f"{'step':>11}{'torque':>8}  gives way"
     ]
     for b in boundaries:
         number = lambda x: "-" if x is None else f"{x:.4g}" if abs(x) < 1.0 else f"{x:.3f}"  # noqa: E731
         lines.append(
             f"{b.experiment:<11}{b.mu:>5g}{number(b.closed_form):>13}{number(b.load_aware):>12}{number(b.simulated):>11}"
-            f"{number(b.difference):>12}{number(b.demand):>9}{number(b.resolution):>8}{number(b.torque_share):>8}"
+            f"{number(b.difference):>12}{number(b.demand):>9}{number(b.resolution):>11}{number(b.torque_share):>8}"
             f"  {b.gives_way or b.note} [{b.unit}]{'' if b.is_within else '  NOT WITHIN'}"
         )
     return "\n".join(lines)
