@@ -128,8 +128,14 @@ class TestRolls:
     def test_rolls_stop_at_joint_limits(self, hand: HandModel, ring: Plan) -> None:
         start = touching(ring)[0]
         roll = build_roll(hand, start, UP, np.radians(40.0), 41)
-        strict = replace(hand, limits=replace(hand.limits, joint_margin=np.radians(30.0)))
-        q, refusal = follow_roll(strict, ring.X_WO_start, roll, start.q)
+        chain = hand.fingers[0].chain
+        lower, upper = chain.lower.copy(), chain.upper.copy()
+        lower[4], upper[4] = -0.7 + start.q[4], 0.7 + start.q[4]
+        fingers = (
+            replace(hand.fingers[0], chain=replace(chain, lower=lower, upper=upper)),
+            *hand.fingers[1:],
+        )
+        q, refusal = follow_roll(replace(hand, fingers=fingers), ring.X_WO_start, roll, start.q)
         assert 2 < len(q) < roll.count
         assert "joint limit while it rolls" in refusal
 
