@@ -129,6 +129,12 @@ def test_a_small_triangle_rolls_far_for_little() -> None:
     assert 1e3 * triangle.total_length == pytest.approx(23.5, abs=0.1)
 
 
+def test_displacement_is_of_third_order() -> None:
+    """Halving a small triangle divides what it gets ahead by eight."""
+    ahead = [RollingTriangle(0.018, 0.035, leg, 1.0).displacement for leg in (0.1, 0.05, 0.025)]
+    assert np.allclose([ahead[0] / ahead[1], ahead[1] / ahead[2]], 8.0, rtol=0.01)
+
+
 @pytest.mark.parametrize("legs_deg", [60.0, 75.0])
 def test_right_angles_below_ninety_degrees_do_not_close(legs_deg: float) -> None:
     """Arcs r lambda, r gamma, r lambda with right angles leave the tip off its pole by 18 to 31 degrees."""

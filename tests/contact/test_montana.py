@@ -100,10 +100,9 @@ def test_rates_are_those_of_rigid_motion_and_closest_points(
     V_C = _twist(w)
     V_F, X = compute_tip_twist(tip, body, at, V_C), compute_relative_pose(tip, body, at)
     h = 1e-3
-    seen = [
-        find_closest_points(tip, body, _move(X, V_F, t * h), near=at)[0].as_array() for t in (-2, -1, 1, 2)
-    ]
-    steps = [_unwrap(s - at.as_array()) for s in seen]
+    poses = np.stack([_move(X, V_F, t * h) for t in (-2, -1, 1, 2)])
+    seen, _ = find_closest_points(tip, body, poses, near=at)
+    steps = _unwrap(seen.as_array() - at.as_array())
     slope = (steps[0] - 8.0 * steps[1] + 8.0 * steps[2] - steps[3]) / (12.0 * h)
     rates = compute_rates(tip, body, at, V_C)
     assert np.allclose(rates, slope, atol=1e-6 * (1.0 + np.abs(rates).max()))
