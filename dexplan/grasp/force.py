@@ -116,6 +116,7 @@ class ForceSolver:
         torque_maps: Array | None = None,
         torque_bias: Array | None = None,
         previous: Array | None = None,
+        explain: bool = True,
     ) -> ForceSolution:
         """Return the contact forces; an infeasible problem is a status, never an exception.
 
@@ -127,6 +128,7 @@ class ForceSolver:
             torque_maps: (F, J, m) joint torque per contact force; m is the largest dimension of the models.
             torque_bias: (F, J) [N m] joint torques at zero contact force; zero by default.
             previous: (F, 4) forces of the tick before, for ``smoothness``; None where there is no such tick.
+            explain: whether to find out what would help where there are no forces, which takes longer than the rest.
 
         Raises:
             ValueError: shapes that do not fit this mode, or numbers that are not finite.
@@ -148,7 +150,7 @@ class ForceSolver:
         if answer is not None:
             self._last = answer
             return self._as_solution(answer.x, "solved", problem, (), "active rows", answer.rounds)
-        return self._solve_slowly(problem)
+        return self._solve_slowly(problem, explain)
 
     def _check_shapes(self, problem: ForceProblem) -> None:
         G, wrench, limits = problem.G, problem.wrench, problem.limits
@@ -178,8 +180,8 @@ class ForceSolver:
         forces.setflags(write=False)
         return ForceSolution(forces, status, problem, cures, method, iterations)
 
-    def _solve_slowly(self, problem: ForceProblem) -> ForceSolution:
-        """Run OSQP, then an exact method; failing both, say why there are no forces."""
+    def _solve_slowly(self, problem: ForceProblem, is_explained: bool) -> ForceSolution:
+        """Run OSQP, then an exact method; failing both, say why there are no forces if that is asked for."""
         _check_finite(problem)
         rows, program = self._rows, self._rows.as_program()
         if self._last is not None:
@@ -195,6 +197,9 @@ class ForceSolver:
             return self._as_solution(x, status, problem, (), method, iterations)
         # Find out why there is no solution; if there should be one, start OSQP afresh.
         self._forget()
+        if not is_explained:
+            nowhere = np.full(self._size, np.nan)
+            return self._as_solution(nowhere, f"{status} (not explained)", problem, (), method, iterations)
         cures, nearest = diagnose(rows)
         if nearest is not None and not cures:
             status, y, method, more = self._iterate(program, problem)

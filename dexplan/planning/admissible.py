@@ -116,8 +116,12 @@ class Admissibility:
         X_WO: Array,
         landing: tuple[int, ...] = (),
         axis_W: Array | None = None,
+        explain: bool = True,
     ) -> Margins:
-        """Return the same for holding fingers whose ``states`` are known already; ``q`` (F, J) holds them too."""
+        """Return the same for holding fingers whose ``states`` are known already; ``q`` (F, J) holds them too.
+
+        ``explain`` says whether a refusal for the load names what is short, which takes longer than the rest.
+        """
         hand, limits = self.hand, self.hand.limits
         holding = tuple(sorted(states))
         joint = min(states[i].joint for i in holding)
@@ -131,8 +135,9 @@ class Admissibility:
         elif clearance < limits.clearance:
             refusal = f"{pair} come within {1e3 * clearance:.1f} mm"
         else:
-            load, torque, fault = self._compute_load(states, q, X_WO, axis_W)
-            refusal = f"the contacts cannot carry the load ({fault})" if fault else ""
+            load, torque, fault = self._compute_load(states, q, X_WO, axis_W, explain)
+            named = f" ({fault})" if explain else ""
+            refusal = f"the contacts cannot carry the load{named}" if fault else ""
         return Margins(float(joint), float(dexterity), load, torque, clearance, refusal)
 
     def compute_path_clearance(
@@ -149,7 +154,7 @@ class Admissibility:
         return float(best), pair
 
     def _compute_load(
-        self, states: dict[int, FingerState], q: Array, X_WO: Array, axis_W: Array | None
+        self, states: dict[int, FingerState], q: Array, X_WO: Array, axis_W: Array | None, explain: bool
     ) -> tuple[float, float, str]:
         """Return load margin, largest torque share and the fault of the force QP ("" where it is solved)."""
         hand, limits = self.hand, self.hand.limits
@@ -177,7 +182,7 @@ class Admissibility:
         bounds = ForceLimits(
             np.full(n, limits.normal_floor), np.full(n, limits.normal_ceiling), -reach, reach
         )
-        solution = solver.solve(G, wrench, bounds, np.full(n, hand.normal_force), maps, bias)
+        solution = solver.solve(G, wrench, bounds, np.full(n, hand.normal_force), maps, bias, explain=explain)
         if not solution.is_solved:
             return -np.inf, np.inf, ", ".join(solution.faults) or solution.status
         used = max(float(hand.friction.utilisation(f)) for f in solution.forces)

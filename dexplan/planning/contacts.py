@@ -128,6 +128,17 @@ class ContactTable:
             run = self._runs[held.orbit, held.landed] = compute_finger_states(self.hand, held.finger, q)
         return run[held.steps]
 
+    def normals_ahead(self, held: Held, count: int) -> Array:
+        """Return the outward normals (count, 3) in W of a contact from where it is on."""
+        orbit = self.orbits[held.orbit]
+        stations = self.station(held) + self.leg.sense * np.arange(count)
+        return orbit.normals[stations % len(orbit.q)]
+
+    def states_ahead(self, held: Held, count: int) -> list[FingerState]:
+        """Return the finger's states from where the contact is on."""
+        self.state(held)
+        return self._runs[held.orbit, held.landed][held.steps : held.steps + count]
+
     def limit(self, held: Held) -> str:
         """Return what ends the contact's run."""
         return self.orbits[held.orbit].limit[held.landed]

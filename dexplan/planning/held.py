@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ class Held:
 
     def carried(self, steps: int) -> Held:
         """Return the contact ``steps`` stations further on."""
-        return replace(self, steps=self.steps + steps, left=self.left - steps)
+        return Held(self.finger, self.orbit, self.landed, self.steps + steps, self.left - steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -168,16 +168,15 @@ class GaitSearch:
         assert node.lifted is not None
         assert node.parent is not None
         checks, limits = self._checks[node.leg], self._hand.limits
-        if refusal := checks.refuse(node.held) or self._check_motion(node.parent, node.moved):
+        if refusal := self._check_motion(node.parent, node.moved):
             return refusal
         before = (*(h for h in node.held if h is not node.placed), node.lifted)
         clearances = []
         if node.placed is not None:
             clearances.append(checks.clear_of((*before, node.placed), node.done))
             if clearances[-1][0] >= limits.clearance:
-                together = checks.together((*before, node.placed), node.done)
-                if not together.is_admissible:
-                    return together.refusal
+                if refusal := checks.refuse_together((*before, node.placed)) or checks.refuse(node.held):
+                    return refusal
                 clearances.append(checks.clear_on_way(node.placed, before, node.done))
         if min(clearances, default=(np.inf, ""))[0] >= limits.clearance:
             clearances.append(checks.clear_on_way(node.lifted, node.held, node.done))

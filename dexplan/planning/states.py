@@ -23,6 +23,8 @@ from dexplan.spatial import Array, make_pose
 SURE, UNKNOWN, NEVER = 1, 0, -1
 _SLACK = 1.02
 """The quick answer searches on a grid: a cone is exceeded for sure only by this factor."""
+_SAMPLE = 5
+"""A finger's own weight is computed at one of so many stations."""
 OVERLOAD = "the contacts cannot carry the load (friction)"
 
 Key = tuple[tuple[int, int, int], ...]
@@ -41,6 +43,7 @@ class StateChecks:
         self._hand: HandModel = table.hand
         self._exact: dict[Key, Margins] = {}
         self._refusal: dict[Key, str] = {}
+        self._together: dict[Key, str] = {}
         self._loads: dict[Key, NDArray[np.int8]] = {}
         self._bias: dict[tuple[int, int], Array] = {}
         self._ways: dict[tuple[int, int, int], Array] = {}
@@ -50,15 +53,20 @@ class StateChecks:
         """Number of states looked at."""
         return len(self._refusal | self._exact)
 
-    def judge(self, held: tuple[Held, ...]) -> Margins:
-        """Return the margins of holding the object with ``held``, all other fingers at home: the exact answer."""
+    def judge(self, held: tuple[Held, ...], explain: bool = True) -> Margins:
+        """Return the margins of holding the object with ``held``, all other fingers at home: the exact answer.
+
+        ``explain`` says whether a refusal for the load has to name what is short.
+        """
         key = _key(held)
         if key not in self._exact:
             q = self._postures(held)
             states = {h.finger: self._table.state(h) for h in held}
             # A sphere is the same at any progress, so one check serves all.
             pose = make_pose(p=self._table.center(held[0]))
-            row = self._admissibility.compute_margins_of(states, q, pose, axis_W=self._table.axis_W)
+            row = self._admissibility.compute_margins_of(
+                states, q, pose, axis_W=self._table.axis_W, explain=explain
+            )
             self._exact[key] = row
             self._refusal[key] = row.refusal
         return self._exact[key]
@@ -72,7 +80,7 @@ class StateChecks:
 
     def _look(self, held: tuple[Held, ...]) -> str:
         if len(held) != 2:
-            return self.judge(held).refusal
+            return self.judge(held, explain=False).refusal
         offset = min(h.steps for h in held)
         start = tuple(h.carried(-offset) for h in held)
         verdict = self._assess(start)[offset]
@@ -82,13 +90,13 @@ class StateChecks:
         for h in held:
             state = self._table.state(h)
             if state.joint < limits.joint_margin or state.dexterity < limits.dexterity:
-                return self.judge(held).refusal
+                return self.judge(held, explain=False).refusal
         clearance, names = self._hand.probe.compute_clearance(
             self._postures(held), make_pose(p=self._table.center(held[0])), tuple(h.finger for h in held)
         )
         if clearance < limits.clearance:
             return f"{names} come within {1e3 * clearance:.1f} mm"
-        return "" if verdict == SURE else self.judge(held).refusal
+        return "" if verdict == SURE else self.judge(held, explain=False).refusal
 
     def _assess(self, start: tuple[Held, ...]) -> NDArray[np.int8]:
         """Return for all stations that a pair could go through whether it carries the load there."""
@@ -98,12 +106,12 @@ class StateChecks:
         table, hand, limits = self._table, self._hand, self._hand.limits
         a, b = sorted(start, key=lambda h: h.finger)
         count = min(a.left, b.left, table.stations) + 1
-        normals = [np.stack([table.normal(h.carried(k)) for k in range(count)]) for h in (a, b)]
+        normals = [table.normals_ahead(h, count) for h in (a, b)]
         loads = compute_pair_loads(hand, normals[0], normals[1], table.wrench)
         verdict = np.where(loads.utilisation <= sure_share(hand), SURE, UNKNOWN)
         verdict[loads.utilisation > _SLACK * limits.cone_share] = NEVER
         for c, h in enumerate((a, b)):
-            states = [table.state(h.carried(k)) for k in range(count)]
+            states = table.states_ahead(h, count)
             J = np.stack([s.J for s in states])
             offset = -hand.fingers[h.finger].tip_radius * normals[c]
             torque = compute_contact_torques(J, offset, loads.forces[:, c], loads.torsions[:, c], normals[c])
@@ -114,15 +122,19 @@ class StateChecks:
         return self._loads[key]
 
     def _gravity(self, held: Held) -> Array:
-        """Return the joint torques (run, J) that hold the finger's own weight along its run."""
+        """Return the joint torques (run, J) that hold the finger's own weight along its run, interpolated between samples."""
         key = (held.orbit, held.landed)
         if key not in self._bias:
-            rest = held.carried(-held.steps)
+            states = self._table.states_ahead(held.carried(-held.steps), held.steps + held.left + 1)
+            sampled = sorted({*range(0, len(states), _SAMPLE), len(states) - 1})
             q, rows = self._hand.q_home, []
-            for k in range(rest.left + 1):
-                q[held.finger] = self._table.state(rest.carried(k)).q
+            for k in sampled:
+                q[held.finger] = states[k].q
                 rows.append(self._hand.probe.compute_gravity_torque(q)[held.finger])
-            self._bias[key] = np.stack(rows)
+            every = np.arange(len(states))
+            self._bias[key] = np.stack(
+                [np.interp(every, sampled, column) for column in np.array(rows).T], axis=1
+            )
         return self._bias[key]
 
     def _postures(self, held: tuple[Held, ...]) -> Array:
@@ -133,12 +145,15 @@ class StateChecks:
 
     # -- exchanges of fingers --------------------------------------------------------------------------------------------
 
-    def together(self, held: tuple[Held, ...], done: int) -> Margins:
-        """Return the margins while all of ``held`` touch and the object rests at progress ``done``."""
-        states = {h.finger: self._table.state(h) for h in held}
-        return self._admissibility.compute_margins_of(
-            states, self._postures(held), self._table.leg.pose(done)
-        )
+    def refuse_together(self, held: tuple[Held, ...]) -> str:
+        """Return why not all of ``held`` can touch and bear the object at rest; "" if they can."""
+        key = _key(held)
+        if key not in self._together:
+            states = {h.finger: self._table.state(h) for h in held}
+            pose = make_pose(p=self._table.center(held[0]))
+            row = self._admissibility.compute_margins_of(states, self._postures(held), pose, explain=False)
+            self._together[key] = row.refusal
+        return self._together[key]
 
     def clear_of(self, held: tuple[Held, ...], done: int) -> tuple[float, str]:
         """Return the clearance [m] while all of ``held`` touch."""
