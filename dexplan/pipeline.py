@@ -15,7 +15,8 @@ from dexplan.errors import DexplanError
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
-from dexplan.planning.planner import plan_rotation, refuse
+from dexplan.planning.planner import refuse
+from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
@@ -106,7 +107,7 @@ def plan(problem: Problem) -> Plan:
         )
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
-    return plan_rotation(hand, goal, start, problem.gait.node_budget, problem.gait.primitives)
+    return plan_object_manipulation(hand, goal, start, problem.gait.node_budget, problem.gait.primitives)
 
 
 def rollout(

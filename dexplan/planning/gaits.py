@@ -49,7 +49,7 @@ def build_actions(
     contacts = list(start)
     X = steps[0].X_WO_start
     still = {"X_WO_start": X, "X_WO_end": X, "axis_W": axis_W, "angle": 0.0}
-    actions = [_hold(contacts, still, "let the grasp settle")]
+    actions = [build_hold(contacts, still, "let the grasp settle")]
     previous: Step | None = None
     for step in steps:
         axis = axis_W if step.axis_W is None else step.axis_W
@@ -62,7 +62,7 @@ def build_actions(
             actions.append(_move(contacts, step, axis))
         previous = step
     end = steps[-1].X_WO_end
-    actions.append(_hold(contacts, {**still, "X_WO_start": end, "X_WO_end": end}, "the goal is reached"))
+    actions.append(build_hold(contacts, {**still, "X_WO_start": end, "X_WO_end": end}, "the goal is reached"))
     return tuple(actions)
 
 
@@ -141,7 +141,8 @@ def _move(contacts: list[Placement | None], step: Step, axis_W: Array) -> Action
     )
 
 
-def _hold(contacts: list[Placement | None], still: dict[str, Any], why: str) -> Action:
+def build_hold(contacts: list[Placement | None], still: dict[str, Any], why: str) -> Action:
+    """Return the action that holds still with ``contacts``; ``still`` says where the object stands."""
     phase = PlannedPhase("hold", _touch(contacts, {}))
     return Action(
         "hold", None, _holding(contacts), contacts_end=tuple(contacts), phases=(phase,), why=why, **still
