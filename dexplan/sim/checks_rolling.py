@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexplan.sim.checks_case import Case, CheckResult, close_gaps, fail, find_runs, judge
+from dexplan.sim.checks_closure import compute_closure_slack
 from dexplan.sim.world import Indices
 from dexplan.spatial import Array
 
@@ -81,7 +83,30 @@ def check_roll_path_error_max(case: Case) -> CheckResult:
             name, 0.0 if case.sample_count else np.nan, limit, "deg", note="the plan rolls no finger"
         )
     worst, moment, label = max(found)
-    return judge(name, worst, limit, "deg", moment, label)
+    return judge(name, worst, limit, "deg", moment, "; ".join([label, *_find_conservative(case)]))
+
+
+def _find_conservative(case: Case) -> list[str]:
+    """Return a note for every rolled-apart pair that could have held alone with the simulator's own friction.
+
+    Planner and controller believe less friction than there is: rolling first is then caution, not need.
+    """
+    friction, notes = case.problem["friction"], []
+    before = case.plan["start"]["contacts"]
+    for action, following in pairwise(case.plan["actions"]):
+        lifts = following["kind"] == "lift" and action["kind"] == "roll"
+        pair = [before[finger] for finger in following["grasping"]] if lifts else []
+        if len(pair) == 2 and None not in pair:
+            points, normals = (np.array([c[key] for c in pair]) for key in ("point_O", "normal_O"))
+            slack = compute_closure_slack(points, normals, friction["sliding"], friction["torsional_m"])
+            if slack > 0.0:
+                names = " and ".join(following["grasping"])
+                notes.append(
+                    f"conservative: with the simulator's friction {names} are force closed before they roll, by "
+                    f"{np.degrees(slack):.1f} deg"
+                )
+        before = action["contacts_end"]
+    return notes
 
 
 def _compare_roll(

@@ -1,0 +1,87 @@
+"""Figure 3, frames 1 to 2, in MuJoCo: rolling makes a pair of three contacts of which no two hold, and why it is needed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from short_runs import failed
+
+from dexplan import pipeline
+from dexplan.planning.admissible import Admissibility
+from dexplan.planning.gaits import build_hold
+from dexplan.planning.plan import SOLVED, Action, Plan
+from dexplan.planning.roll_gait import RollToPair, build_roll_actions
+from dexplan.problems.problem import Problem
+from dexplan.problems.read import load_problem
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def make_plan(problem: Problem, *, rolls: bool) -> Plan:
+    """Return the plan that holds with three fingers, perhaps rolls, lifts the third, and holds with two."""
+    plan = pipeline.plan(problem)
+    hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
+    X_WO = plan.X_WO_start
+    found = next(RollToPair(hand, X_WO, plan.start_contacts, Admissibility(hand)).options())
+    still = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": UP, "angle": 0.0}
+    hold = build_hold(list(plan.start_contacts), still, "let the grasp settle")
+    roll, lift = build_roll_actions(found, hand, X_WO, UP)
+    if not rolls:
+        lift = replace(
+            lift,
+            contacts_end=tuple(None if i == found.lifted else c for i, c in enumerate(plan.start_contacts)),
+        )
+    end = build_hold(list(lift.contacts_end), still, "the pair holds")
+    actions: tuple[Action, ...] = (hold, roll, lift, end) if rolls else (hold, lift, end)
+    return replace(plan, status=SOLVED, reason="", actions=actions)
+
+
+def ring(**changes: object) -> Problem:
+    return load_problem("hold_three", changes)
+
+
+def test_rolling_makes_a_pair_that_holds() -> None:
+    problem = ring()
+    plan = make_plan(problem, rolls=True)
+    report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan))
+    assert report.is_passed, report.table()
+    assert "conservative" not in report["roll_path_error_max"].note
+
+
+def test_lifting_before_rolling_drops_the_ball() -> None:
+    """At mu 0.55 two contacts hold from 122.4 degrees apart; these are 120."""
+    problem = ring()
+    plan = make_plan(problem, rolls=False)
+    report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan))
+    assert {"not_dropped", "plan_force_closure", "contact_schedule"} <= failed(report)
+
+
+def test_caution_is_called_caution() -> None:
+    """At a true mu of 0.65 a lift would hold; the planner believes 0.5, rolls, and the report says so."""
+    problem = ring(**{"friction.sliding": 0.65})
+    plan = make_plan(problem, rolls=True)
+    report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan))
+    assert report.is_passed, report.table()
+    assert "conservative: with the simulator's friction" in report["roll_path_error_max"].note
+    # 120 degrees apart: the chord leans by 30 degrees, atan 0.65 is 33.0
+    assert "by 3.0 deg" in report["roll_path_error_max"].note
+
+    early = make_plan(problem, rolls=False)
+    trusting = pipeline.build_options(problem, sliding=0.65, torsional=0.0025)
+    judged = pipeline.validate(problem, early, pipeline.rollout(problem, early, options=trusting))
+    assert judged["not_dropped"].status == "pass"
+    assert judged["position_error_final"].status == "pass"
+
+
+@pytest.mark.parametrize("sliding", [0.5])
+def test_planner_rolls_where_no_pair_holds(sliding: float) -> None:
+    problem = load_problem("fig3_rewind", {"friction.sliding": sliding, "goal.rotation.angle_deg": 20.0})
+    plan = pipeline.plan(problem)
+    assert plan.is_solved, plan.reason
+    # within reach of three fixed contacts nothing has to roll; a whole turn has to begin with it
+    assert [a.kind for a in plan.actions] == ["hold", "move_object", "hold"]
+    whole = pipeline.plan(load_problem("fig3_rewind", {"friction.sliding": sliding}))
+    assert whole.is_solved, whole.reason
+    assert [a.kind for a in whole.actions[:3]] == ["hold", "roll", "lift"]
