@@ -1,93 +1,34 @@
-"""Rolling paths: a fingertip that rolls on a body, sampled so that a controller can follow it."""
+"""How a fingertip rolls: along great circles of a ball in closed form, along geodesics of any body by integration."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dexplan.contact.coordinates import ContactCoordinates, compute_relative_pose
 from dexplan.contact.integration import integrate_legs
+from dexplan.contact.rolling_path import RollingPath, join_paths
 from dexplan.contact.surface import AbstractSurface
-from dexplan.contact.turning import any_tangent, build_turn, make_tangent, split_turn
-from dexplan.spatial import Array, read_only
+from dexplan.contact.turning import any_tangent, build_turn, make_tangent
+from dexplan.spatial import Array
+
+__all__ = [
+    "RollingPath",
+    "join_paths",
+    "roll_along",
+    "roll_over",
+    "roll_turning",
+    "solve_two_finger_goals",
+    "split_start",
+]
 
 _TOUCHING = 0.01  # of the sum of the radii: what a start may be off before it is no contact
 _ANTIPODAL = 1e-9
 
 SAMPLES = 201
 """Samples of a path unless told otherwise."""
-
-
-@dataclass(frozen=True, eq=False)
-class RollingPath:
-    """A tip rolling on a body without sliding or spin, at K samples.
-
-    Frames: O the body's, F the tip's (origin at its centre, z its pole).
-
-    ``n_O`` (K, 3): where the contact is on the body, as the body's **outward** unit normal, in O.
-    ``n_F`` (K, 3): where it is on the tip, as the tip's outward unit normal, in F: ``R_OF @ n_F == -n_O``.
-    ``X_OF`` (K, 4, 4): the tip's pose.
-    ``p_O``, ``p_F`` (K, 3): the contact points [m], in O and in F.
-    ``length`` (K,): arc length [m] from the start, on the body and, because it rolls, on the tip alike.
-    ``corners`` (L + 1,): the samples at which legs start and end.
-    """
-
-    n_O: Array
-    n_F: Array
-    X_OF: Array
-    p_O: Array
-    p_F: Array
-    length: Array
-    corners: NDArray[np.intp]
-
-    def __post_init__(self) -> None:
-        for name in ("n_O", "n_F", "X_OF", "p_O", "p_F", "length"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-        corners = np.array(self.corners, dtype=np.intp)
-        corners.setflags(write=False)
-        object.__setattr__(self, "corners", corners)
-
-    def __len__(self) -> int:
-        return len(self.length)
-
-    @property
-    def total_length(self) -> float:
-        """Arc length of the whole path [m]."""
-        return float(self.length[-1])
-
-    @property
-    def polar_angle(self) -> Array:
-        """Angle (K,) [rad] between the tip's pole, z of F, and the contact on the tip."""
-        return np.arctan2(np.hypot(self.n_F[:, 0], self.n_F[:, 1]), self.n_F[:, 2])
-
-    def pose_at(self, length: ArrayLike) -> Array:
-        """Return X_OF (..., 4, 4) at arc lengths (...) [m], held at the ends.
-
-        Between samples the tip turns about a fixed axis and its centre runs on a circle about O: exact for spheres, second
-        order in the spacing for others.
-        """
-        s = np.clip(np.asarray(length, dtype=np.float64), 0.0, self.total_length)
-        k = np.clip(np.searchsorted(self.length, s, side="right") - 1, 0, len(self) - 2)
-        span = self.length[k + 1] - self.length[k]
-        share = np.where(span > 0.0, (s - self.length[k]) / np.where(span > 0.0, span, 1.0), 0.0)
-        R_0, R_1 = self.X_OF[k, :3, :3], self.X_OF[k + 1, :3, :3]
-        X = np.zeros((*s.shape, 4, 4))
-        X[..., 3, 3] = 1.0
-        axis, angle = split_turn(R_1 @ np.swapaxes(R_0, -1, -2))
-        X[..., :3, :3] = build_turn(axis, share * angle) @ R_0
-        p_0, p_1 = self.X_OF[k, :3, 3], self.X_OF[k + 1, :3, 3]
-        far_0, far_1 = (np.linalg.norm(p, axis=-1, keepdims=True) for p in (p_0, p_1))
-        e_0, e_1 = p_0 / far_0, p_1 / far_1
-        arc = np.arctan2(np.linalg.norm(np.cross(e_0, e_1), axis=-1), np.sum(e_0 * e_1, axis=-1))[..., None]
-        w, sine = share[..., None], np.where(arc > 1e-9, np.sin(arc), 1.0)
-        on_circle = (np.sin((1.0 - w) * arc) * e_0 + np.sin(w * arc) * e_1) / sine
-        e = np.where(arc > 1e-9, on_circle, (1.0 - w) * e_0 + w * e_1)
-        X[..., :3, 3] = ((1.0 - w) * far_0 + w * far_1) * e
-        return X
 
 
 def roll_along(
@@ -115,14 +56,16 @@ def roll_along(
     """
     R_OF, n = split_start(tip_radius, object_radius, X_OF_start)
     axes, lengths = [], []
-    for goal in np.atleast_2d(np.asarray(waypoints, dtype=np.float64)):
+    for goal in np.asarray(waypoints, dtype=np.float64).reshape(-1, 3):
+        if not (np.all(np.isfinite(goal)) and goal.any()):
+            raise ValueError(f"waypoint {goal} is no direction; finite vectors other than zero are accepted")
         goal = goal / np.linalg.norm(goal)
         cross = np.cross(n, goal)
         sine = float(np.linalg.norm(cross))
         if sine < _ANTIPODAL and n @ goal < 0.0:
             raise ValueError("a waypoint is opposite the one before; one more between them is accepted")
         axes.append(cross / sine if sine > 0.0 else any_tangent(n))
-        lengths.append(object_radius * np.arctan2(sine, n @ goal))
+        lengths.append(object_radius * float(np.arctan2(sine, n @ goal)))
         n = goal
     return _roll_legs(tip_radius, object_radius, X_OF_start, axes, lengths, samples, R_OF)
 
@@ -203,27 +146,6 @@ def roll_over(
     )
 
 
-def join_paths(paths: Sequence[RollingPath]) -> RollingPath:
-    """Return one path of several, each of which starts where the one before ended; raises ValueError where one does not."""
-    for before, after in pairwise(paths):
-        if not np.allclose(before.X_OF[-1], after.X_OF[0], atol=1e-9):
-            raise ValueError(
-                "a path starts elsewhere than the one before ends; paths without a lift between are accepted"
-            )
-    keep = [slice(0 if i == 0 else 1, None) for i in range(len(paths))]
-    offsets = np.concatenate([[0.0], np.cumsum([p.total_length for p in paths])])
-    firsts = np.concatenate([[0], np.cumsum([len(p) - 1 for p in paths])])
-    stacked = {
-        name: np.concatenate([getattr(p, name)[k] for p, k in zip(paths, keep, strict=True)])
-        for name in ("n_O", "n_F", "X_OF", "p_O", "p_F")
-    }
-    return RollingPath(
-        **stacked,
-        length=np.concatenate([p.length[k] + o for p, k, o in zip(paths, keep, offsets, strict=False)]),
-        corners=np.concatenate([p.corners[k] + f for p, k, f in zip(paths, keep, firsts, strict=False)]),
-    )
-
-
 def solve_two_finger_goals(n_1: ArrayLike, n_2: ArrayLike, angle_min: float) -> tuple[Array, Array]:
     """Return where two contacts on a ball have to roll to form a two-finger grasp, the shortest way [paper §3, figure 1].
 
@@ -275,7 +197,9 @@ def _roll_legs(
     R_OF: Array,
 ) -> RollingPath:
     """Return the path of legs about axes (3,) in O, each perpendicular to the normal where it starts."""
-    if any(length < 0.0 for length in lengths):
+    if not lengths:
+        raise ValueError("a path without a leg; one waypoint or leg, or more, is accepted")
+    if not all(length >= 0.0 for length in lengths):
         raise ValueError(f"leg lengths are {lengths} m; lengths that are not negative are accepted")
     _, n = split_start(tip_radius, object_radius, X_OF_start)
     total = max(float(np.sum(lengths)), 1e-300)

@@ -300,6 +300,21 @@ def test_poses_between_samples() -> None:
     assert errors[0] < 1e-2
 
 
+def test_a_path_is_its_start_and_its_waypoints() -> None:
+    X, n, rng = _random_start(11)
+    path = roll_turning(
+        R_TIP, R_BALL, X, make_tangent(n, rng.normal(size=3)), [0.0, 1.0, -2.0], [0.03, 0.01, 0.02]
+    )
+    again = roll_along(R_TIP, R_BALL, path.X_OF[0], path.waypoints)
+    assert np.allclose(again.X_OF, path.X_OF, atol=1e-12)
+    assert np.allclose(again.length, path.length, atol=1e-12)
+    back = path.reversed
+    assert np.allclose(roll_along(R_TIP, R_BALL, back.X_OF[0], back.waypoints).X_OF[-1], X, atol=1e-12)
+    assert back.corners.tolist() == (len(path) - 1 - path.corners[::-1]).tolist()
+    assert back.length[0] == 0.0
+    assert np.all(np.diff(back.length) > 0.0)
+
+
 def test_paths_join_where_they_meet() -> None:
     X, _, rng = _random_start(7)
     a, b = rng.normal(size=(2, 3))
@@ -359,6 +374,10 @@ def test_what_cannot_be_rolled_is_refused() -> None:
         roll_turning(R_TIP, R_BALL, X, n, [0.0], [0.01])
     with pytest.raises(ValueError, match="not negative"):
         roll_turning(R_TIP, R_BALL, X, make_tangent(n, [1, 2, 3]), [0.0], [-0.01])
+    with pytest.raises(ValueError, match="no direction; finite vectors"):
+        roll_along(R_TIP, R_BALL, X, [[np.nan, 0.0, 1.0]])
+    with pytest.raises(ValueError, match="a path without a leg"):
+        roll_turning(R_TIP, R_BALL, X, make_tangent(n, [1, 2, 3]), [], [])
     with pytest.raises(ValueError, match="same place"):
         solve_two_finger_goals(n, n, 2.0)
     with pytest.raises(ValueError, match="at most pi"):
