@@ -10,10 +10,14 @@ from short_runs import build_plan_reference, failed, simulate
 
 from dexplan import pipeline
 from dexplan.control.reference import Reference
+from dexplan.planning.admissible import Admissibility
+from dexplan.planning.gaits import build_hold
 from dexplan.planning.plan import Plan
 from dexplan.planning.roll import Roll
 from dexplan.planning.roll_gait import build_roll
+from dexplan.planning.rolling_carry import plan_rolling_turn
 from dexplan.problems.problem import Problem
+from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace
 from dexplan.witness.rolling import (
     ROLLING_FINGER,
@@ -134,3 +138,32 @@ def test_plan_with_rolls_survives_its_file(plan: Plan, tmp_path_factory: pytest.
     assert Plan.load(path).as_dict() == plan.as_dict()
     (roll,) = again.actions[1].rolls
     np.testing.assert_allclose(roll.X_OF, plan.actions[1].rolls[0].X_OF, atol=1e-11)
+
+
+def test_object_turns_on_rolling_contacts() -> None:
+    """Three tips keep their attitude and roll on the ball while it turns: coordinated manipulation without fixed contacts."""
+    contacts = [[-38.0, 0.0], [102.0, 0.0], [212.0, 10.0]]
+    angle = 25.0
+    problem = load_problem("hold_three", {"start.contacts_deg": contacts, "goal.rotation.angle_deg": angle})
+    still = pipeline.plan(load_problem("hold_three", {"start.contacts_deg": contacts}))
+    hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
+    up = np.array([0.0, 0.0, 1.0])
+    turn = plan_rolling_turn(
+        hand, Admissibility(hand), still.X_WO_start, still.start_contacts, up, np.radians(angle), 1.0
+    )
+    assert turn.action is not None
+    assert turn.limit == ""
+    end = {"X_WO_start": turn.action.X_WO_end, "X_WO_end": turn.action.X_WO_end, "axis_W": up, "angle": 0.0}
+    last = build_hold(list(turn.action.contacts_end), end, "the goal is reached")
+    plan = replace(
+        still,
+        actions=(still.actions[0], turn.action, last),
+        X_WO_goal=turn.action.X_WO_end,
+        axis_W=up,
+        turned_angle=turn.action.angle,
+    )
+    report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan))
+    assert report.is_passed, report.table()
+    # The contacts went round with the ball by R / (R + r) of its turn, so back on it by the rest; 35 / 18 as far on the tip.
+    back = angle * 18.0 / 53.0
+    assert report["tip_contact_angle_max"].value == pytest.approx(back * 35.0 / 18.0, abs=0.2)
