@@ -223,6 +223,15 @@ def _draw_margins(ax: Axes, cases: Sequence[LiftedFinger]) -> None:
     ax.set_title(
         "what the margins of the remaining pair predict, and what MuJoCo shows", fontsize=11, loc="left"
     )
+    ax.plot(
+        [],
+        [],
+        marker="s",
+        color="#B9C3CB",
+        linestyle="",
+        markersize=10,
+        label="near zero: nothing clear predicted",
+    )
     ax.legend(loc="upper left", bbox_to_anchor=(0.01, 0.94), fontsize=9.5, frameon=False)
     ax.spines[["top", "right"]].set_visible(False)
 
