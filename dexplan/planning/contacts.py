@@ -351,7 +351,18 @@ class ContactTable:
                 pair = (one.pick(a, int(i[k])), two.pick(b, int(j[k])))
                 found.append((float(lasting[k] - 8.0 * load[k]), pair, int(lasting[k]), float(load[k])))
         found.sort(key=lambda item: -item[0])
-        return [item[1:] for item in found[:count]]
+        chosen_pairs: list[tuple[tuple[Held, ...], int, float]] = []
+        taken: list[dict[int, Array]] = []
+        for _, pair, lasting_one, load_one in found:
+            normals = {h.finger: self.normal(h) for h in pair}
+            # Pairs like one that was chosen say nothing new.
+            if any(o.keys() == normals.keys() and min(o[f] @ normals[f] for f in o) > APART for o in taken):
+                continue
+            taken.append(normals)
+            chosen_pairs.append((pair, lasting_one, load_one))
+            if len(chosen_pairs) == count:
+                break
+        return chosen_pairs
 
 
 def _turn(axis: Array, angle: Array, vectors: Array) -> Array:
