@@ -106,6 +106,23 @@ def test_a_near_goal_is_rolled_straight() -> None:
     assert np.degrees(plan.path.polar_angle[-1]) == pytest.approx(20.0 * 35.0 / 18.0, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("tip_deg", "is_straight"), [(39.0, True), (41.0, False), (-119.0, True), (-121.0, False)]
+)
+def test_a_straight_roll_ends_at_the_polar_limit(tip_deg: float, is_straight: bool) -> None:
+    """From 40 degrees off the pole 40 more may be rolled away from it, and 120 the other way, across the pole."""
+    X, n = _start(12, np.radians(40.0))
+    pole = X[:3, 2]
+    # On the tip the contact runs away from the pole as it runs away from the pole's image on the ball.
+    away = -make_tangent(n, pole)
+    goal = build_turn(np.cross(n, away), np.radians(tip_deg) * TIP.radius / BALL.radius) @ n
+    plan = roll_to(X, goal, TIP, BALL, LIMITS)
+    _require_valid(plan, X, goal)
+    assert (plan.kind == "straight") is is_straight
+    if is_straight:
+        assert np.degrees(plan.path.polar_angle[-1]) == pytest.approx(79.0, abs=1e-6)
+
+
 def test_beyond_the_straight_roll_comes_a_bend_then_triangles() -> None:
     X, n = _start(1)
     kinds = {}
