@@ -27,8 +27,10 @@ SIGHT = float(np.radians(85.0))
 """Directions farther than this from the finger's own are not tried."""
 NEAR = 0.02
 """Values nearer to zero than this may hide a border between them [rad]."""
-CALM = 0.12
+CALM = 0.06
 """With this much dexterity beyond its limit it does not fall below it within a triangle: it changes slower than the direction."""
+LOOSE = 5e-3
+"""A Newton step from this far off leaves about a hundredth of it."""
 CLIFF = 0.15
 """A margin this far below zero next to one above it is taken for another branch [rad]."""
 PASSES = 2
@@ -175,7 +177,7 @@ def _refine(
         else:
             seeds[bare] = workspace.find_seeds(center + finger.distance * directions[bare], -directions[bare])
         # Coarse values only guide; what lies beside the border is asked again, closely, at the last level.
-        iterations, tolerance = 8 if level == COARSE else 4, 3e-4 if level == FINE else 1e-2
+        iterations, tolerance = 7 if level == COARSE else 3, 3e-4 if level == FINE else 1e-2
         known = np.full(len(rows), np.nan)
         if level > COARSE:
             # Between far from singular postures it stays so: what decides is the joints.
@@ -240,14 +242,16 @@ def _answer(questions: list[Question]) -> list[Answer]:
             ]
             positions, poles = (np.concatenate(part) for part in zip(*goals, strict=True))
             seeds = np.concatenate([questions[n].seeds for n in group])
+            is_asked = np.isnan(np.concatenate([questions[n].dexterity for n in group]))
             q, reached, dexterity = solve_pointing(
                 chain,
                 positions,
                 poles,
                 seeds,
                 iterations=questions[group[0]].iterations,
-                tolerance=questions[group[0]].tolerance,
-                is_asked=np.isnan(np.concatenate([questions[n].dexterity for n in group])),
+                # The dexterity is that before the last step: only where it is asked for must that be close.
+                tolerance=np.where(is_asked, questions[group[0]].tolerance, LOOSE),
+                is_asked=is_asked,
             )
             ends = np.cumsum([len(questions[n].directions) for n in group])[:-1]
             for n, *parts in zip(group, *(np.split(x, ends) for x in (q, reached, dexterity)), strict=True):

@@ -49,17 +49,18 @@ def solve_pointing(
     q_start: Array,
     *,
     iterations: int = 12,
-    tolerance: float = 1e-4,
+    tolerance: float | Array = 1e-4,
     is_asked: NDArray[np.bool_] | None = None,
 ) -> tuple[Array, NDArray[np.bool_], Array]:
     """Return postures (N, J) whose tips are at ``positions`` (N, 3) [m] with poles (N, 3), whether reached (N,), dexterity (N,).
 
-    Both in the frame of the chain's first joint.  For chains that :func:`can_point`: the spin is
-    left as it comes out.  Newton steps from ``q_start`` (N, J), one more after the error (radians, and metres in units of
-    ``LENGTH``) has fallen below ``tolerance``: what is then left is its square.  The dexterity, the smallest singular value of
-    the tip's Jacobian, is that of the posture before this last step; zero where it is not asked for.
+    Both in the frame of the chain's first joint.  For chains that :func:`can_point`: the spin is left as it comes out.  Newton
+    steps from ``q_start`` (N, J), one more after the error (radians, and metres in units of ``LENGTH``) has fallen below
+    ``tolerance``, one or (N,): what is then left is its square.  The dexterity, the smallest singular value of the tip's
+    Jacobian, is that of the posture before this last step, and zero where ``is_asked`` (N,) says that nobody asks.
     """
     q = np.array(q_start, dtype=np.float64)
+    tolerance = np.broadcast_to(tolerance, len(q))
     reached, dexterity = np.zeros(len(q), dtype=bool), np.zeros(len(q))
     active = np.arange(len(q))
     for step in range(iterations):
@@ -70,7 +71,8 @@ def solve_pointing(
         for k in range(3):
             m, n = (k + 1) % 3, (k + 2) % 3
             error[:, 3 + k] = z[:, m] * goal[:, n] - z[:, n] * goal[:, m]
-        done = (np.abs(error).max(axis=1) < tolerance) & ((z * goal).sum(axis=1) > 0.0)
+        size = np.abs(error).max(axis=1)
+        done = (size < tolerance[active]) & ((z * goal).sum(axis=1) > 0.0)
         try:
             # The last joint takes up whatever spin the others bring about.
             move = np.linalg.solve(J, error[:, :, None])[:, :, 0]
@@ -90,7 +92,7 @@ def solve_pointing(
             squares = np.linalg.eigvalsh(J[done_asked] @ J[done_asked].swapaxes(1, 2))
             dexterity[rows] = np.sqrt(np.maximum(squares[:, 0], 0.0))
         # What is far off half way is not reached by Newton steps.
-        going = ~done & (np.abs(error).max(axis=1) < _LOST) if step == iterations // 2 else ~done
+        going = ~done & (size < _LOST) if step == iterations // 2 else ~done
         active = active[going]
         if not len(active):
             break
