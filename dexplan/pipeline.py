@@ -12,10 +12,11 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Timing, build_reference
 from dexplan.errors import DexplanError
+from dexplan.planning.adjustment import plan_grasp_adjustment
+from dexplan.planning.dextrous import plan_dextrous_manipulation
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
-from dexplan.planning.planner import refuse
 from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
@@ -98,16 +99,24 @@ def plan(problem: Problem) -> Plan:
         )
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
-    if asked.kind != "object_manipulation":
-        return refuse(
-            hand,
-            goal,
-            "goal_not_supported",
-            f"goal.kind {asked.kind} is not built yet; object_manipulation is",
-        )
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
-    return plan_object_manipulation(hand, goal, start, problem.gait.node_budget, problem.gait.primitives)
+    means = (problem.gait.node_budget, problem.gait.primitives)
+    if asked.contacts_deg is None:
+        return plan_object_manipulation(hand, goal, start, *means)
+    wanted = compute_contact_directions(asked.contacts_deg)
+    if asked.kind == "grasp_adjustment":
+        return plan_grasp_adjustment(hand, X_WO, start, wanted, *means, asked.keep_object)
+    timing = build_timing(problem)
+    return plan_dextrous_manipulation(
+        hand,
+        goal,
+        start,
+        wanted,
+        *means,
+        order=asked.order,
+        compute_duration=lambda found: build_reference(found, scene.fingers, timing).duration,
+    )
 
 
 def rollout(

@@ -255,7 +255,7 @@ class Controller:
                 self._carried[i] = self._offsets[i].apply(phase.rolls[i], s)
             self._targets[i] = X_WO_aim @ self._carried[i]
         if phase.finger is not None and phase.finger not in phase.holding:
-            self._targets[phase.finger] = self._aim_free(phase, min(t + TICK, 10.0), X_WO_aim)
+            self._targets[phase.finger] = self._aim_free(phase, t + TICK, X_WO_aim)
         self._task.set_targets(self._targets)
         configuration = self._configuration
         try:
@@ -286,7 +286,7 @@ class Controller:
     def _aim_free(self, phase: Phase, t: float, X_WO: Array) -> Array:
         assert phase.finger is not None
         if self._path is not None:
-            return self._scene.fingers[phase.finger].pose_at(self._path(smooth_step(t / phase.duration)))
+            return self._scene.fingers[phase.finger].pose_at(self._path(phase.travelled(t)))
         gap = phase.sample_gap(t, self._reference.timing.touch_speed)
         X_OF = (self._X_OF_start if phase.X_OF is None else phase.X_OF).copy()
         assert phase.normal_O is not None

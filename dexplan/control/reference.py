@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.control.carry import follow_contacts
+from dexplan.planning.coordinated import ObjectMotion
+from dexplan.planning.overlap import TRAVEL, build_journey
 from dexplan.planning.plan import Action, Placement, Plan
 from dexplan.planning.roll import Roll
 from dexplan.planning.travel import build_travel, compute_hover
@@ -136,6 +138,14 @@ class Phase:
     ends_on_touch: bool = False
     rolls: Mapping[int, Roll] = field(default_factory=dict)
 
+    def travelled(self, t: float) -> float:
+        """Return how much of its ``postures`` a free finger has passed at ``t`` (0..1).
+
+        While the object moves the finger goes by the object's progress, so that where both are at once does not depend on timing.
+        """
+        is_moving = self.object_path.angle != 0.0 or bool(self.object_path.shift_W.any())
+        return smooth_step(self.object_path.progress(t)[0] if is_moving else t / self.duration)
+
     def sample_gap(self, t: float, touch_speed: float) -> float:
         """Return the gap [m] at ``t``; past the end an approach goes on at ``touch_speed`` [m/s] until it touches."""
         s = min(max(t / self.duration, 0.0), 1.0)
@@ -176,8 +186,10 @@ def build_reference(plan: Plan, fingers: tuple[FingerDescription, ...], timing: 
     phases: list[Phase] = []
     contacts = plan.start_contacts
     postures = {c.finger: c.q for c in contacts if c is not None}
+    hovering: dict[int, Array] = {}
     for index, action in enumerate(plan.actions):
-        builder = _PhaseBuilder(index, action, contacts, fingers, timing, postures)
+        following = plan.actions[index + 1] if index + 1 < len(plan.actions) else None
+        builder = _PhaseBuilder(index, action, contacts, fingers, timing, postures, hovering, following)
         phases.extend(builder.build())
         contacts = action.contacts_end
     start = tuple(None if c is None else (c.X_OF, c.q) for c in plan.start_contacts)
@@ -186,7 +198,10 @@ def build_reference(plan: Plan, fingers: tuple[FingerDescription, ...], timing: 
 
 @dataclass(eq=False)
 class _PhaseBuilder:
-    """Turns one action into phases; ``postures`` follows every holding finger through the plan."""
+    """Turns one action into phases; ``postures`` follows every holding finger through the plan.
+
+    ``hovering`` holds the postures of fingers that have left a contact and not travelled yet; ``following`` is the next action.
+    """
 
     index: int
     action: Action
@@ -194,6 +209,8 @@ class _PhaseBuilder:
     fingers: tuple[FingerDescription, ...]
     timing: Timing
     postures: dict[int, Array]
+    hovering: dict[int, Array]
+    following: Action | None
 
     def build(self) -> list[Phase]:
         """Return the phases of the action."""
@@ -241,9 +258,28 @@ class _PhaseBuilder:
             float(np.linalg.norm(shift)) / timing.shift_speed,
             turned / timing.roll_speed,
         )
+        travel: dict[str, object] = {}
+        if action.finger is not None:
+            way = self._journey(action.finger, shift)
+            cruise = max(cruise, self._travel_time(way))
+            travel = {"finger": action.finger, "postures": way}
         duration = max(cruise + timing.ramp, 2.0 * timing.ramp)
         path = ObjectPath(action.X_WO_start, action.axis_W, action.angle, shift, duration, timing.ramp)
-        return self._phase(0, duration, object_path=path, rolls={roll.finger: roll for roll in action.rolls})
+        rolls = {roll.finger: roll for roll in action.rolls}
+        return self._phase(0, duration, object_path=path, rolls=rolls, **travel)
+
+    def _journey(self, finger: int, shift: Array) -> Array:
+        """Return the way of the finger that travels while the object moves: from its hover, or home, to its next one, or home."""
+        action, who, comes = self.action, self.fingers[finger], None
+        motion = ObjectMotion(action.X_WO_start, action.axis_W, action.angle, shift)
+        coming = self.following
+        if coming is not None and coming.kind == "place" and coming.finger == finger and not _travels(coming):
+            placement = coming.contacts_end[finger]
+            assert placement is not None
+            comes = compute_hover(
+                who, action.X_WO_end, placement.X_OF, placement.normal_O, placement.q, self.timing.hover
+            )
+        return build_journey(who, self.hovering.pop(finger, None), comes, motion)
 
     def _carry(self) -> float:
         """Follow the holding fingers through the motion; return the progress per second at which no contact drifts too much."""
@@ -275,10 +311,12 @@ class _PhaseBuilder:
         landing = {"finger": finger, "X_OF": placement.X_OF, "normal_O": placement.normal_O}
         both = tuple(sorted((*self._held, finger)))
         self.postures[finger] = placement.q
+        # Where the object's motion before has brought the finger here there is no way left.
+        k = int(_travels(self.action))
         return [
-            self._phase(0, self._travel_time(way), finger=finger, postures=way),
-            self._phase(1, timing.approach, **landing, gap_start=timing.hover, ends_on_touch=True),
-            self._phase(2, timing.load, holding=both, load_start=light, load_end=after),
+            *([self._phase(0, self._travel_time(way), finger=finger, postures=way)] if k else []),
+            self._phase(k, timing.approach, **landing, gap_start=timing.hover, ends_on_touch=True),
+            self._phase(k + 1, timing.load, holding=both, load_start=light, load_end=after),
         ]
 
     def _lift(self) -> list[Phase]:
@@ -293,8 +331,16 @@ class _PhaseBuilder:
         # The way back is the way there: planned, and checked for clearance, from home.
         way = build_travel(who, who.q_home, lifted, X_WO[:3, 3])[::-1]
         two = {"finger": finger, "holding": rest, "load_start": after, "load_end": after}
-        return [
+        leaving = [
             self._phase(0, timing.unload, load_end=light),
             self._phase(1, timing.retreat, **two, normal_O=placement.normal_O, gap_end=timing.hover),
-            self._phase(2, self._travel_time(way), **two, postures=way),
         ]
+        if not _travels(self.action):
+            self.hovering[finger] = lifted
+            return leaving
+        return [*leaving, self._phase(2, self._travel_time(way), **two, postures=way)]
+
+
+def _travels(action: Action) -> bool:
+    """Return whether a relocation has its own travel; else the motion of the object next to it has."""
+    return any(phase.name == TRAVEL for phase in action.phases)

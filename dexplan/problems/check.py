@@ -190,6 +190,11 @@ def _check_goal(problem: Problem, source: str) -> None:
     turns = goal.orientation_wxyz is not None or (
         goal.rotation is not None and goal.rotation.angle_deg != 0.0
     )
+    if goal.keep_object and goal.kind != "grasp_adjustment":
+        accepted = (
+            'accepted: false here, or kind = "grasp_adjustment", which alone may leave the object elsewhere'
+        )
+        raise ProblemError(source, "goal.keep_object", f'true for kind = "{goal.kind}"', accepted)
     if goal.kind == "grasp_adjustment" and (turns or any(goal.translation_m)):
         accepted = (
             'accepted: no motion of the object, or kind = "dextrous_manipulation" to move object and grasp'

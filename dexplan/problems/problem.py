@@ -160,6 +160,8 @@ class GoalSection:
     contacts_deg: tuple[ContactSpec, ...] | None = None
     order: Literal["object_first", "grasp_first", "simultaneous"] = "object_first"
     """Which comes first in a dextrous manipulation: the paper's (a), (b), (c)."""
+    keep_object: bool = False
+    """Grasp adjustment only: whether the object has to be back where it was at the end."""
 
 
 @dataclass(frozen=True)

@@ -101,6 +101,7 @@ ACCEPTED = {
     "goal.contacts_deg[]": _CONTACT,
     "goal.kind": '"object_manipulation", "grasp_adjustment" or "dextrous_manipulation"',
     "goal.order": '"object_first", "grasp_first" or "simultaneous"',
+    "goal.keep_object": "true or false",
     "goal.rotation": "{ axis = [x, y, z], angle_deg = number }",
     "goal.rotation.axis": _THREE + ", not all zero",
     "goal.orientation_wxyz": "a quaternion [w, x, y, z] that is not zero",

@@ -83,11 +83,15 @@ NOT_APPLICABLE: Mapping[str, tuple[Callable[[Mapping[str, Any]], bool], str]] = 
     ),
     "rolling_error_max": (lambda problem: "radius_m" not in problem["object"], "the object is no sphere"),
     "position_error_final": (
-        lambda problem: problem["goal"]["kind"] == "grasp_adjustment",
+        lambda problem: (
+            problem["goal"]["kind"] == "grasp_adjustment" and not problem["goal"].get("keep_object")
+        ),
         "the goal is a grasp",
     ),
     "rotation_error_final": (
-        lambda problem: problem["goal"]["kind"] == "grasp_adjustment",
+        lambda problem: (
+            problem["goal"]["kind"] == "grasp_adjustment" and not problem["goal"].get("keep_object")
+        ),
         "the goal is a grasp",
     ),
 }

@@ -1,0 +1,98 @@
+"""Grasp adjustment: given contact points on the object, without regard for the object's pose [paper §1].
+
+"If the goal contact points are initially not within the workspaces of the fingers, first do an object manipulation to bring
+them to the workspaces.  Then use finger gaiting and rolling to reach the goal grasp."
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from dexplan.planning.coordinated import ObjectMotion
+from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.hand import HandModel
+from dexplan.planning.plan import Plan
+from dexplan.planning.planner import Start
+from dexplan.planning.reorient import find_turns
+from dexplan.planning.stages import GoalContacts, Stages, rest_at
+from dexplan.spatial import Array
+
+KIND = "grasp_adjustment"
+TURNS = 6
+"""Turns of the object that are tried before the goal is given up."""
+
+
+def plan_grasp_adjustment(
+    hand: HandModel,
+    X_WO: Array,
+    start: Start,
+    goal: GoalContacts,
+    node_budget: int,
+    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    keep_object: bool = False,
+) -> Plan:
+    """Return a plan after which every finger touches at its goal contact.
+
+    The object stays at ``X_WO`` (4, 4) if that is possible; else it is turned by the smallest turn that helps, and, with
+    ``keep_object``, brought back by the goal grasp.  No plan is an answer with a status: ``goal_contacts_unreachable``,
+    ``goal_grasp_inadmissible``, ``no_adjustment``, or one of those that refuse a start.
+    """
+    stages = Stages(hand, X_WO, start, goal, node_budget, primitives)
+    stay = RotationGoal(X_WO, VERTICAL, 0.0)
+    if stages.start_refusal:
+        return stages.refuse(KIND, stay, stages.hold.status, stages.hold.reason)
+    contacts, missing = stages.land_goal(X_WO)
+    refusal = "" if missing else stages.refuse_goal(X_WO, contacts)
+    why = ""
+    if not missing and not refusal:
+        actions, first, why = stages.run(None, rest_at(X_WO))
+        if not why:
+            return stages.build_plan(KIND, stay, actions, first)
+    elif keep_object:
+        if missing:
+            return stages.refuse(
+                KIND,
+                stay,
+                "goal_contacts_unreachable",
+                f"{missing} cannot reach the goal contact with the object where it is, and goal.keep_object wants it there; "
+                "move the contact towards the finger, or set goal.keep_object = false",
+            )
+        return stages.refuse(
+            KIND,
+            stay,
+            "goal_grasp_inadmissible",
+            f"the goal contacts cannot hold the object where it is ({refusal}), and goal.keep_object wants it there; move the "
+            "contacts nearer to opposite, raise the friction, or set goal.keep_object = false",
+        )
+    turns, fault = find_turns(stages)
+    for turn in turns[:TURNS]:
+        motion = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
+        there = motion.X_WO_end
+        back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
+        gait = RotationGoal.from_attitude(X_WO, there[:3, :3])
+        actions, first, refused = stages.run(gait, back)
+        if not refused:
+            goal_pose = stay if keep_object else gait
+            return stages.build_plan(KIND, goal_pose, actions, first)
+        why = why or refused
+    if why:
+        return stages.refuse(
+            KIND, stay, "no_adjustment", f"{why}; choose goal contacts of which two are nearer to opposite"
+        )
+    if fault:
+        return stages.refuse(
+            KIND,
+            stay,
+            "goal_grasp_inadmissible",
+            f"the goal contacts cannot hold the object in any attitude that brings them within reach ({fault}); move two of "
+            "them nearer to opposite, raise the friction, lower friction.safety, or use a lighter object",
+        )
+    return stages.refuse(
+        KIND,
+        stay,
+        "goal_contacts_unreachable",
+        "in no attitude of the object do all goal contacts lie within their fingers' workspaces; keep the fingers' clockwise "
+        "order and move the contacts towards where the fingers stand",
+    )

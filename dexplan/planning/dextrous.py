@@ -1,0 +1,97 @@
+"""Dextrous manipulation: a goal for the object *and* for the contacts, in the paper's three orders [paper §1].
+
+(a) object first: gaits take the object to its goal, then the grasp is adjusted; (b) grasp first: the grasp is adjusted as early
+as the goal grasp can carry the object from there to its goal; (c) simultaneous: free fingers travel while the others move the
+object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from dexplan.planning.coordinated import ObjectMotion
+from dexplan.planning.goal import RotationGoal
+from dexplan.planning.hand import HandModel
+from dexplan.planning.overlap import overlap_travel
+from dexplan.planning.plan import Plan
+from dexplan.planning.planner import Start
+from dexplan.planning.stages import GoalContacts, Stages
+
+KIND = "dextrous_manipulation"
+Order = Literal["object_first", "grasp_first", "simultaneous"]
+SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
+"""Shares of the object's way after which the grasp is adjusted in the order "grasp first", the earliest that works."""
+
+
+def plan_dextrous_manipulation(
+    hand: HandModel,
+    goal: RotationGoal,
+    start: Start,
+    contacts: GoalContacts,
+    node_budget: int,
+    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    order: Order = "object_first",
+    compute_duration: Callable[[Plan], float] | None = None,
+) -> Plan:
+    """Return a plan after which the object is at ``goal`` and every finger at its goal contact.
+
+    ``contacts``: outward normals in object axes, None for a finger that has to be free.  ``compute_duration`` tells how long a
+    plan takes [s]; the order "simultaneous" takes the shortest it finds, and counts actions where there is none.  No plan is an
+    answer with a status: those of a grasp adjustment, or ``no_dextrous_plan``.
+    """
+    stages = Stages(hand, goal.X_WO_start, start, contacts, node_budget, primitives)
+    if stages.start_refusal:
+        return stages.refuse(KIND, goal, stages.hold.status, stages.hold.reason)
+    landed, missing = stages.land_goal(goal.X_WO_goal)
+    if missing:
+        return stages.refuse(
+            KIND,
+            goal,
+            "goal_contacts_unreachable",
+            f"{missing} cannot reach the goal contact with the object at its goal; move the contact towards the finger, or "
+            "choose another attitude",
+        )
+    if refusal := stages.refuse_goal(goal.X_WO_goal, landed):
+        return stages.refuse(
+            KIND,
+            goal,
+            "goal_grasp_inadmissible",
+            f"the goal contacts cannot hold the object at its goal ({refusal}); move two of them nearer to opposite, raise the "
+            "friction, lower friction.safety, or use a lighter object",
+        )
+    if order == "simultaneous":
+        return _plan_simultaneous(stages, goal, compute_duration or (lambda plan: float(len(plan.actions))))
+    return _plan_in_order(stages, goal, (1.0,) if order == "object_first" else SHARES)
+
+
+def _plan_in_order(stages: Stages, goal: RotationGoal, shares: tuple[float, ...]) -> Plan:
+    """Return the plan that adjusts the grasp after the first of ``shares`` of the object's way at which that works."""
+    whole = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
+    why = ""
+    for share in shares:
+        after = whole.part(share, 1.0)
+        gait = None
+        if share > 0.0 and not whole.is_still:
+            gait = RotationGoal(
+                goal.X_WO_start, goal.axis_W, share * goal.angle, share * goal.shift_W, goal.is_attitude
+            )
+        actions, first, refused = stages.run(gait, after)
+        if not refused:
+            return stages.build_plan(KIND, goal, actions, first)
+        why = refused
+    return stages.refuse(
+        KIND,
+        goal,
+        "no_dextrous_plan",
+        f"{why}; try another goal.order, or move the goal contacts towards where the fingers stand",
+    )
+
+
+def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Callable[[Plan], float]) -> Plan:
+    """Return the quickest of both orders with free fingers travelling while the object moves."""
+    plans = [_plan_in_order(stages, goal, shares) for shares in ((1.0,), SHARES)]
+    solved = [overlap_travel(stages.hand, plan) for plan in plans if plan.is_solved]
+    if not solved:
+        return plans[0]
+    return min(solved, key=compute_duration)

@@ -1,0 +1,162 @@
+"""Simultaneous motion: a free finger travels while the others move the object [paper §1 (c)].
+
+A relocation has three parts: the finger leaves its contact for a hover, travels, and comes down from a hover.  Only the first and
+the last need the object at rest.  Where a lift comes right before a motion of the object, or a placement right after one, the
+travel is handed over to the motion: the action move_object then names the travelling finger.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dexplan.planning.coordinated import ObjectMotion, follow_object
+from dexplan.planning.hand import HandModel
+from dexplan.planning.joining import Contacts, follow_actions
+from dexplan.planning.plan import Action, Plan
+from dexplan.planning.regions import keeps_order
+from dexplan.planning.travel import build_travel, compute_hover
+from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
+from dexplan.scene.description import FingerDescription
+from dexplan.spatial import Array
+
+TRAVEL = "travel"
+"""Name of the phase in which a finger goes between home and hover."""
+LOOKS = 33
+"""A journey is looked at this often at least."""
+
+
+def build_journey(
+    finger: FingerDescription, leaves: Array | None, comes: Array | None, motion: ObjectMotion
+) -> Array:
+    """Return the postures (K, J) of a finger that travels while the object goes through ``motion``.
+
+    It starts at the hover posture ``leaves`` (J,) over where the object is at first, goes home, and on to the hover posture
+    ``comes`` over where the object ends; None: home.  At progress s of the object it has done ``smooth_step(s)`` of its way.
+    """
+    parts = []
+    if leaves is not None:
+        parts.append(build_travel(finger, finger.q_home, leaves, motion.X_WO_start[:3, 3])[::-1])
+    if comes is not None:
+        parts.append(build_travel(finger, finger.q_home, comes, motion.X_WO_end[:3, 3]))
+    if len(parts) < 2:
+        return parts[0]
+    way = np.concatenate([parts[0], parts[1][1:]])
+    # Even in what the fastest joint has to do.
+    length = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(way, axis=0)).max(axis=1))])
+    even = np.linspace(0.0, length[-1], len(way))
+    return np.stack([np.interp(even, length, column) for column in way.T], axis=1)
+
+
+def overlap_travel(hand: HandModel, plan: Plan) -> Plan:
+    """Return the plan with every travel that may go on during a motion of the object handed over to it.
+
+    A journey is handed over only where it stays clear of the moving object and of the fingers that carry it, and keeps the
+    fingers' order.
+    """
+    actions = list(plan.actions)
+    held: list[Contacts] = [plan.start_contacts]
+    for action in plan.actions:
+        held.append(follow_actions(hand, held[-1], (action,)))
+    for k, action in enumerate(plan.actions):
+        if action.kind != "move_object":
+            continue
+        lift, place = _changes(actions, k - 1, "lift"), _changes(actions, k + 1, "place")
+        if lift is not None and place is not None and lift.finger != place.finger:
+            place = None
+        options = [o for o in ((lift, place), (lift, None), (None, place)) if any(o)]
+        for option in options:
+            if _is_clear(hand, action, held[k], held[k - 1], option):
+                _hand_over(hand, actions, k, option)
+                break
+    overlaps = count_overlaps(tuple(actions))
+    return replace(plan, actions=tuple(actions), statistics={**plan.statistics, **overlaps})
+
+
+def count_overlaps(actions: tuple[Action, ...]) -> dict[str, float]:
+    """Return how many times a finger was lifted or placed, and how many of these travel while the object moves."""
+    changes = [a for a in actions if a.kind in ("lift", "place")]
+    overlapping = sum(all(p.name != TRAVEL for p in a.phases) for a in changes)
+    return {"relocations": len(changes), "relocations_overlapping": overlapping}
+
+
+def _changes(actions: list[Action], k: int, kind: str) -> Action | None:
+    """Return action ``k`` if it is of this kind and has its own travel."""
+    if not 0 <= k < len(actions) or actions[k].kind != kind:
+        return None
+    return actions[k] if any(p.name == TRAVEL for p in actions[k].phases) else None
+
+
+def _is_clear(
+    hand: HandModel,
+    action: Action,
+    contacts: Contacts,
+    before: Contacts,
+    option: tuple[Action | None, Action | None],
+) -> bool:
+    """Return whether a finger can travel during ``action``, which begins with ``contacts``; ``before`` those before the lift."""
+    if action.rolls:
+        return False  # carried on rolling contacts: not looked at
+    lift, place = option
+    shift = action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3]
+    motion = ObjectMotion(action.X_WO_start, action.axis_W, action.angle, shift)
+    changing = lift or place
+    assert changing is not None
+    finger = changing.finger
+    assert finger is not None
+    who, leaves, comes = hand.fingers[finger], None, None
+    if lift is not None:
+        old = before[finger]
+        assert old is not None
+        leaves = compute_hover(who, motion.X_WO_start, old.X_OF, old.normal_O, old.q, hand.hover)
+    if place is not None:
+        new = place.contacts_end[finger]
+        assert new is not None
+        comes = compute_hover(who, motion.X_WO_end, new.X_OF, new.normal_O, new.q, hand.hover)
+    way = build_journey(who, leaves, comes, motion)
+    if compute_joint_margin(who.chain, way).min() < 0.0:
+        return False
+    poses = motion.poses()
+    poses = motion.poses(max(LOOKS, len(poses)))
+    share = np.linspace(0.0, 1.0, len(poses))
+    done = share**3 * (10.0 + share * (6.0 * share - 15.0))
+    even = np.linspace(0.0, 1.0, len(way))
+    travelled = np.stack([np.interp(done, even, column) for column in way.T], axis=1)
+    tips = compute_tip_pose(who.chain, travelled)[:, :3, 3]
+    ways = {c.finger: follow_object(hand, c, poses)[0] for c in contacts if c is not None}
+    if any(len(q) < len(poses) for q in ways.values()):
+        return False
+    for k, X_WO in enumerate(poses):
+        q = hand.q_home
+        normals = {f: p - X_WO[:3, 3] for f, p in enumerate(hand.p_WF_home)}
+        for c in contacts:
+            if c is not None:
+                q[c.finger] = ways[c.finger][k]
+                normals[c.finger] = X_WO[:3, :3] @ c.normal_O
+        q[finger], normals[finger] = travelled[k], tips[k] - X_WO[:3, 3]
+        clearance, _ = hand.probe.compute_clearance(q, X_WO, tuple(ways))
+        if clearance < hand.limits.clearance or not keeps_order(hand, normals):
+            return False
+    return True
+
+
+def _hand_over(
+    hand: HandModel, actions: list[Action], k: int, option: tuple[Action | None, Action | None]
+) -> None:
+    """Take the travel out of a lift before action ``k``, a placement after it, or both, and give it to action ``k``."""
+    lift, place = option
+    name, finger = "", None
+    for j, changing in ((k - 1, lift), (k + 1, place)):
+        if changing is not None:
+            kept = tuple(p for p in changing.phases if p.name != TRAVEL)
+            actions[j] = replace(changing, phases=kept)
+            assert changing.finger is not None
+            finger, name = changing.finger, hand.fingers[changing.finger].name
+    ends = {
+        (True, False): "home",
+        (False, True): "over its next contact",
+        (True, True): "over its next contact",
+    }
+    where = ends[lift is not None, place is not None]
+    actions[k] = replace(actions[k], finger=finger, why=f"{actions[k].why}; meanwhile {name} travels {where}")

@@ -1,0 +1,152 @@
+"""Contacts around an object that stands still: where fingers can land, which grasps hold, whether ways between them are clear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dexplan.planning.admissible import Admissibility, FingerState, Margins, compute_finger_states
+from dexplan.planning.hand import HandModel
+from dexplan.planning.orbits import build_aligned
+from dexplan.planning.plan import Placement
+from dexplan.planning.regions import compute_pair_angle_max, keeps_order
+from dexplan.planning.travel import build_travel, compute_hover
+from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
+from dexplan.scene.workspace import spread_directions
+from dexplan.spatial import Array, invert_pose
+
+Stand = tuple[int | None, ...]
+"""Per finger the number of its spot, None where it is free (at home)."""
+
+DIRECTIONS = 320
+"""Directions around the object at which intermediate landings are tried."""
+
+
+def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) -> list[Placement | None]:
+    """Return how a finger touches along outward normals (N, 3) in object axes, its pole along them; None where it cannot.
+
+    A tip that can roll about its pole lands with that joint in the middle of its range.
+    """
+    description, limits = hand.fingers[finger], hand.limits
+    chain, workspace = description.chain, hand.workspaces[finger]
+    if not len(workspace.postures) or not len(normals_O):
+        return [None] * len(normals_O)
+    normals_W = normals_O @ X_WO[:3, :3].T
+    q, reached = workspace.solve(build_aligned(hand, finger, X_WO[:3, 3], normals_W))
+    if chain.has_tip_roll:
+        q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
+    usable = reached & (compute_joint_margin(chain, q) >= limits.joint_margin)
+    usable[usable] = compute_dexterity(chain, q[usable]) >= limits.dexterity
+    X_OF = invert_pose(X_WO) @ compute_tip_pose(chain, q)
+    surface = hand.object.surface
+    return [
+        Placement(finger, surface.closest(n), n, X, posture) if good else None
+        for n, X, posture, good in zip(normals_O, X_OF, q, usable, strict=True)
+    ]
+
+
+def spin_tip(hand: HandModel, placement: Placement, angle: float) -> Placement:
+    """Return the placement with the tip turned about its pole by the last joint's ``angle`` [rad]."""
+    chain = hand.fingers[placement.finger].chain
+    q = placement.q.copy()
+    q[-1] += angle
+    before, after = compute_tip_pose(chain, np.stack([placement.q, q]))
+    return replace(placement, q=q, X_OF=placement.X_OF @ invert_pose(before) @ after)
+
+
+@dataclass(eq=False)
+class StillContacts:
+    """All contacts considered while the object stands at ``X_WO`` (4, 4); answers are kept."""
+
+    hand: HandModel
+    X_WO: Array
+    admissibility: Admissibility
+    spots: list[Placement] = field(default_factory=list)
+    _states: list[FingerState] = field(default_factory=list)
+    _normals: list[Array] = field(default_factory=list)
+    _margins: dict[Stand, Margins] = field(default_factory=dict)
+    _ways: dict[int, Array] = field(default_factory=dict)
+    _clearances: dict[tuple[Stand, int], tuple[float, str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        limits = self.hand.limits
+        beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
+        self.opposite = -float(np.cos(2.0 * beta))
+        """Two contacts hold where the cosine between their normals is less than this."""
+
+    def add(self, placement: Placement) -> int:
+        """Note a contact; return its number."""
+        self.spots.append(placement)
+        self._states.append(compute_finger_states(self.hand, placement.finger, placement.q[None])[0])
+        self._normals.append(self.X_WO[:3, :3] @ placement.normal_O)
+        return len(self.spots) - 1
+
+    def add_landings(self, finger: int) -> list[int]:
+        """Note places all over the object where a finger can land alone; return their numbers."""
+        normals = spread_directions(DIRECTIONS)
+        normals = normals[self.hand.object.allows(normals)]
+        home = self.hand.p_WF_home[finger] - self.X_WO[:3, 3]
+        normals = normals[normals @ self.X_WO[:3, :3].T @ home > 0.0]
+        return [self.add(p) for p in build_landings(self.hand, self.X_WO, finger, normals) if p is not None]
+
+    def placements(self, stand: Stand) -> tuple[Placement | None, ...]:
+        """Return the contacts of a stand."""
+        return tuple(None if s is None else self.spots[s] for s in stand)
+
+    def postures(self, stand: Stand) -> Array:
+        """Return the postures (F, J) of a stand, free fingers at home."""
+        q = self.hand.q_home
+        for finger, spot in enumerate(stand):
+            if spot is not None:
+                q[finger] = self.spots[spot].q
+        return q
+
+    def forms_pair(self, a: int, b: int) -> bool:
+        """Return whether two spots are force closed with the believed friction and a margin."""
+        return bool(self._normals[a] @ self._normals[b] < self.opposite)
+
+    def has_pair(self, stand: Stand) -> bool:
+        """Return whether two of the contacts of a stand are force closed."""
+        held = [s for s in stand if s is not None]
+        return any(self.forms_pair(a, b) for i, a in enumerate(held) for b in held[i + 1 :])
+
+    def judge(self, stand: Stand) -> Margins:
+        """Return the margins of holding the object with a stand."""
+        if stand not in self._margins:
+            states = {f: self._states[s] for f, s in enumerate(stand) if s is not None}
+            row = self.admissibility.compute_margins_of(
+                states, self.postures(stand), self.X_WO, explain=False
+            )
+            if row.is_admissible and not self._keeps_order(stand):
+                row = replace(row, refusal="the fingers would change their order")
+            self._margins[stand] = row
+        return self._margins[stand]
+
+    def _keeps_order(self, stand: Stand) -> bool:
+        normals = {f: p - self.X_WO[:3, 3] for f, p in enumerate(self.hand.p_WF_home)}
+        normals.update({f: self._normals[s] for f, s in enumerate(stand) if s is not None})
+        return keeps_order(self.hand, normals)
+
+    def clear_on_way(self, stand: Stand, spot: int) -> tuple[float, str]:
+        """Return the clearance [m] and who comes so near while a free finger of ``stand`` goes between home and ``spot``.
+
+        The last bit, from the hover down along the normal, is judged at its end, where all touch.
+        """
+        key = (stand, spot)
+        if key not in self._clearances:
+            placement = self.spots[spot]
+            finger = self.hand.fingers[placement.finger]
+            if spot not in self._ways:
+                hover = compute_hover(
+                    finger, self.X_WO, placement.X_OF, placement.normal_O, placement.q, self.hand.hover
+                )
+                self._ways[spot] = build_travel(finger, finger.q_home, hover, self.X_WO[:3, 3])
+            touching = tuple(f for f, s in enumerate(stand) if s is not None)
+            clearance, names = self.admissibility.compute_path_clearance(
+                self.postures(stand), self.X_WO, placement.finger, self._ways[spot], touching
+            )
+            if compute_joint_margin(finger.chain, self._ways[spot]).min() < 0.0:
+                clearance, names = -np.inf, f"{finger.name} and a joint limit"
+            self._clearances[key] = clearance, names
+        return self._clearances[key]
