@@ -2,40 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 from short_runs import failed
 
 from dexplan import pipeline
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.gaits import build_hold
-from dexplan.planning.plan import SOLVED, Action, Plan
-from dexplan.planning.roll_gait import RollToPair, build_roll_actions
+from dexplan.planning.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
-
-UP = np.array([0.0, 0.0, 1.0])
+from dexplan.witness.three_to_two import build_three_to_two
 
 
 def make_plan(problem: Problem, *, rolls: bool) -> Plan:
     """Return the plan that holds with three fingers, perhaps rolls, lifts the third, and holds with two."""
-    plan = pipeline.plan(problem)
-    hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
-    X_WO = plan.X_WO_start
-    found = next(RollToPair(hand, X_WO, plan.start_contacts, Admissibility(hand)).options())
-    still = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": UP, "angle": 0.0}
-    hold = build_hold(list(plan.start_contacts), still, "let the grasp settle")
-    roll, lift = build_roll_actions(found, hand, X_WO, UP)
-    if not rolls:
-        lift = replace(
-            lift,
-            contacts_end=tuple(None if i == found.lifted else c for i, c in enumerate(plan.start_contacts)),
-        )
-    end = build_hold(list(lift.contacts_end), still, "the pair holds")
-    actions: tuple[Action, ...] = (hold, roll, lift, end) if rolls else (hold, lift, end)
-    return replace(plan, status=SOLVED, reason="", actions=actions)
+    plan, why = build_three_to_two(problem, is_early=not rolls)
+    assert plan is not None, why
+    return plan
 
 
 def ring(**changes: object) -> Problem:
