@@ -34,7 +34,7 @@ STOREYS = {
     "errors": Storey(set(), set()),
     "spatial": Storey({"errors"}, MATH),
     "contact": Storey(GROUND, MATH),
-    "grasp": Storey(GROUND | {"contact"}, MATH | {"osqp"}),
+    "grasp": Storey(GROUND | {"contact"}, MATH | {"osqp", "daqp"}),
     "models": Storey(set(), set()),
     "scene": Storey(GROUND | {"contact", "grasp", "models"}, MATH | {"mujoco", "dm_control", "platformdirs"}),
     "planning": Storey(GROUND | {"contact", "grasp", "scene"}, MATH),

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dexplan.contact.friction import ContactModel
-from dexplan.grasp.active import ActiveAnswer, ActiveRows
+from dexplan.grasp.active_set import ActiveSetAnswer, DualActiveSet
 from dexplan.grasp.diagnosis import Loosening, diagnose, explain
 from dexplan.grasp.problem import ForceLimits, ForceProblem, ForceSettings
 from dexplan.grasp.program import ForceRows, Program
@@ -64,9 +64,9 @@ def compute_smoothness(tick: float, time_constant: float) -> float:
 class ForceSolver:
     """The quadratic program of one contact mode (which fingers touch, and how): fixed sparsity, warm started.
 
-    The rows that were active in the last answer are tried first: with them the optimum is a small linear
-    system, and it is believed only with its proof (:mod:`dexplan.grasp.active`).  OSQP takes over where a few
-    changes of rows do not lead there, and an exact method where OSQP stops short.
+    DAQP, a dual active-set method, starts from the rows that were active in the last answer, and is believed only
+    with a proof (:mod:`dexplan.grasp.active_set`).  OSQP takes over where it finds none, and an exact method where
+    OSQP stops short.
 
     Args:
         models: contact models in the order of the columns of G.
@@ -78,7 +78,7 @@ class ForceSolver:
         wrench_tolerance: half width [N] of the band around the wrench (torque: times ``length``), or 0.
         tolerance: OSQP's absolute and relative tolerance [N].
         max_iterations: when an exact method takes over from OSQP.
-        exchanges: linear systems that may be solved in search of the active rows before OSQP; 0 leaves all to OSQP.
+        exchanges: of active rows by DAQP until OSQP takes over; 0 leaves all to OSQP.
     """
 
     def __init__(
@@ -94,18 +94,18 @@ class ForceSolver:
         wrench_tolerance: float = 0.0,
         tolerance: float = 1e-6,
         max_iterations: int = 400,
-        exchanges: int = 40,
+        exchanges: int = 200,
     ) -> None:
         self.settings = ForceSettings(
             tuple(models), length, reach, normal_weight, friction_weight, smoothness, wrench_tolerance
         )
         self.models = self.settings.models
-        self._joints, self._tolerance, self._exchanges = joints_per_finger, tolerance, exchanges
+        self._joints, self._tolerance = joints_per_finger, tolerance
         self._rows = ForceRows(self.settings, joints_per_finger)
         self._size = len(self._rows.p)
-        self._active = ActiveRows(self._rows.fixed, exchanges)
+        self._active_set = DualActiveSet(exchanges) if exchanges else None
         self._splitting = Splitting(self._rows.as_program(), self._rows.pattern, tolerance, max_iterations)
-        self._last: ActiveAnswer | None = None  # an optimum that OSQP has not seen
+        self._last: ActiveSetAnswer | None = None  # an optimum that OSQP has not seen
 
     def solve(
         self,
@@ -146,10 +146,11 @@ class ForceSolver:
         self._check_shapes(problem)
         rows = self._rows
         rows.write(problem)
-        answer = self._active.solve(rows.D, rows.aim, rows.lower, rows.upper)
-        if answer is not None:
-            self._last = answer
-            return self._as_solution(answer.x, "solved", problem, (), "active rows", answer.rounds)
+        if self._active_set is not None:
+            answer = self._active_set.solve(rows.D, rows.aim, rows.lower, rows.upper)
+            if answer is not None:
+                self._last = answer
+                return self._as_solution(answer.x, "solved", problem, (), "DAQP", answer.iterations)
         return self._solve_slowly(problem, explain)
 
     def _check_shapes(self, problem: ForceProblem) -> None:
@@ -185,18 +186,13 @@ class ForceSolver:
         _check_finite(problem)
         rows, program = self._rows, self._rows.as_program()
         if self._last is not None:
-            multipliers = np.zeros(len(rows.D))
-            multipliers[self._last.rows] = self._last.multipliers
-            self._splitting.start(self._last.x / rows.root, multipliers)
+            self._splitting.start(self._last.x / rows.root, self._last.multipliers)
             self._last = None
         status, y, method, iterations = self._iterate(program, problem)
         if status == "solved":
-            # OSQP knows the active rows long before it knows the forces.
-            sharp = self._active.solve(rows.D, rows.aim, rows.lower, rows.upper) if self._exchanges else None
-            x = y * rows.root if sharp is None else sharp.x
-            return self._as_solution(x, status, problem, (), method, iterations)
+            return self._as_solution(y * rows.root, status, problem, (), method, iterations)
         # Find out why there is no solution; if there should be one, start OSQP afresh.
-        self._forget()
+        self._splitting.forget()
         if not is_explained:
             nowhere = np.full(self._size, np.nan)
             return self._as_solution(nowhere, f"{status} (not explained)", problem, (), method, iterations)
@@ -206,7 +202,7 @@ class ForceSolver:
             iterations += more
             if status == "solved":
                 return self._as_solution(y * rows.root, status, problem, (), method, iterations)
-            self._forget()
+            self._splitting.forget()
         else:
             status = f"infeasible: {explain(cures, self.settings.length)}"
         x = np.full(self._size, np.nan) if nearest is None else nearest * rows.root
@@ -217,14 +213,11 @@ class ForceSolver:
         rows, settings = self._rows, self.settings
         answer = self._splitting.solve(program)
         y, said, method = answer.x, answer.said, "OSQP"
-        if said == "solved":
-            self._active.guess(answer.multipliers, self._tolerance)
-        else:
-            self._active.forget()
+        if said != "solved":
             exact = solve_exact(program)
             if exact is not None:
                 if "infeasible" in said:  # mistaken, and its iterates have run away
-                    self._forget()
+                    self._splitting.forget()
                 y, said, method = exact, "solved", "exact"
         if said != "solved":
             text = f"unsolved: OSQP reports {said} after {answer.iterations} iterations"
@@ -236,11 +229,6 @@ class ForceSolver:
             text = f"unsolved: the wrench is missed by {np.abs(residual).max():.1e} N"
             return text, y, method, answer.iterations
         return "solved", y, method, answer.iterations
-
-    def _forget(self) -> None:
-        self._splitting.forget()
-        self._active.forget()
-        self._last = None
 
 
 def _check_finite(problem: ForceProblem) -> None:

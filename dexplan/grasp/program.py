@@ -92,8 +92,6 @@ class ForceRows:
         self.aim = np.zeros(size)
         self.lower, self.upper = np.full(total, -INFINITY), np.zeros(total)
         self.upper[first_torque:] = INFINITY
-        self.fixed = 6 if settings.wrench_tolerance == 0.0 else 0
-        """Number of leading rows whose bounds are equal."""
 
     def write(self, problem: ForceProblem) -> None:
         """Take over the values of ``problem``."""

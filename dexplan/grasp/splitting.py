@@ -13,11 +13,10 @@ from dexplan.spatial import Array
 
 
 class SplittingAnswer(NamedTuple):
-    """What OSQP ``said``, its ``x`` (n,) and ``multipliers`` (k,), and how many ``iterations`` it took."""
+    """What OSQP ``said``, its ``x`` (n,), and how many ``iterations`` it took."""
 
     said: str
     x: Array
-    multipliers: Array
     iterations: int
 
 
@@ -59,7 +58,7 @@ class Splitting:
             q=program.q, l=program.lower, u=program.upper, Ax=program.A[self._rows_of, self._columns_of]
         )
         result = self._solver.solve(raise_error=False)
-        return SplittingAnswer(result.info.status, result.x, result.y, int(result.info.iter))
+        return SplittingAnswer(result.info.status, result.x, int(result.info.iter))
 
     def start(self, x: Array, multipliers: Array) -> None:
         """Start the next solve from a point and its multipliers."""
