@@ -47,7 +47,7 @@ def plan_grasp_adjustment(
     refusal = "" if missing else stages.refuse_goal(X_WO, contacts)
     why = ""
     if not missing and not refusal:
-        actions, first, why = stages.run(None, rest_at(X_WO))
+        actions, first, why = stages.run(rest_at(X_WO), rest_at(X_WO))
         if not why:
             return stages.build_plan(KIND, stay, actions, first)
     elif keep_object:
@@ -72,7 +72,7 @@ def plan_grasp_adjustment(
         there = motion.X_WO_end
         back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
         gait = RotationGoal.from_attitude(X_WO, there[:3, :3])
-        actions, first, refused = stages.run(gait, back)
+        actions, first, refused = stages.run(motion, back)
         if not refused:
             goal_pose = stay if keep_object else gait
             return stages.build_plan(KIND, goal_pose, actions, first)

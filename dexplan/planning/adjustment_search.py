@@ -1,46 +1,63 @@
-"""Grasp adjustment while the object stands still: a search over which finger is where [paper §1].
+"""Grasp adjustment: a search over which finger is where while the object stands, or goes from pose to pose [paper §1].
 
-A node says for every finger where it touches, or that it is free.  Its children put a free finger down, at its goal contact or
-somewhere between, or lift one of three; what a node promises is checked when the search wants to open it.  Where no two contacts
-of the goal hold, so that nothing can be put down last, the goal grasp is rolled into: a pair of the goal grasp is rolled apart
-until it holds alone, and the plan does that backwards.
+A node says where the object is, and for every finger where it touches or that it is free.  Its children put a free finger
+down, at its goal contact or somewhere between, lift one of three, or carry the object to the next pose; what a node promises is
+checked when the search wants to open it.  Where no two contacts of the goal hold, so that nothing can be put down last, the goal
+grasp is rolled into: a pair of the goal grasp is rolled apart until it holds alone, and the plan does that backwards.
 """
 
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass, field
-from itertools import islice, permutations
+from dataclasses import dataclass, field, replace
+from itertools import islice, pairwise
 
 import numpy as np
 
-from dexplan.planning.admissible import Margins, worst
+from dexplan.planning.admissible import Admissibility, FingerState, compute_finger_states, worst
+from dexplan.planning.coordinated import ObjectMotion, follow_object, judge_carry
 from dexplan.planning.hand import HandModel
+from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.plan import Placement
 from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import STEP, RollPlan, RollToPair, build_roll, end_placement, follow_roll
+from dexplan.planning.roll_gait import RollPlan, RollToPair
+from dexplan.planning.roll_to_goal import measure_angle, roll_all_the_way
 from dexplan.planning.states import without_numbers
-from dexplan.planning.still import Stand, StillContacts
+from dexplan.planning.still import Stand, StillContacts, build_landings
 from dexplan.spatial import Array
 
 GREED = 1.5
 """How much more moves still to be made count than those already made."""
+CARRY_COST = 0.3
+"""What a carry from pose to pose counts; a placement or a lift counts 1."""
+LOAD_COST = 0.4
+"""What a landing counts in addition whose pair uses all of the believed cone."""
+SLACK = 1.02
+"""The quick answer searches on a grid: a pair does not hold for sure only beyond this."""
 OPTIONS = 6
 """Ways to roll into the goal grasp, and out of the start grasp, that the search may use."""
-ROLL_REACH = float(np.radians(45.0))
-"""Contacts farther than this from their goals [rad] are not rolled all the way."""
+LAYER_ANGLE, LAYER_SHIFT = float(np.radians(12.0)), 6e-3
+"""Poses at which fingers may be relocated are at most so far apart [rad, m]."""
+
+Contacts = tuple[Placement | None, ...]
+Labels = tuple[int | None, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Move:
-    """One move of an adjustment: ``kind`` place, lift or roll; ``finger`` the one placed or lifted; ``contacts`` after it."""
+    """One move: ``kind`` place, lift, roll or carry; ``finger`` the one placed or lifted; ``contacts`` after it.
+
+    The object is at ``X_WO`` (4, 4), or goes through ``motion`` in a carry.
+    """
 
     kind: str
     finger: int | None
-    contacts: tuple[Placement | None, ...]
-    margins: dict[str, float]
+    contacts: Contacts
+    X_WO: Array
+    margins: dict[str, float] = field(default_factory=dict)
     rolls: tuple[Roll, ...] = ()
     why: str = ""
+    motion: ObjectMotion | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +71,9 @@ class Adjustment:
 
 @dataclass(eq=False)
 class _Node:
+    layer: int
     stand: Stand
-    spent: int
+    spent: float
     parent: _Node | None = None
     changed: int | None = None
     head: Move | None = None
@@ -76,41 +94,63 @@ def reverse_roll(roll: Roll) -> Roll:
 
 @dataclass(eq=False)
 class AdjustmentSearch:
-    """Finds moves from ``start`` to the contacts ``goal`` (Placements at the object's present pose, None: free)."""
+    """Finds moves from the contacts ``start`` to the contacts ``goal``.
 
-    still: StillContacts
-    start: tuple[Placement | None, ...]
-    goal: tuple[Placement | None, ...]
+    The object goes through ``motion`` meanwhile; ``start`` has the postures of its beginning, ``goal`` those of its end.  None
+    is a finger that is free.  ``is_early``: goal contacts may be taken before the object is at its end.
+    """
+
+    hand: HandModel
+    admissibility: Admissibility
+    start: Contacts
+    goal: Contacts
+    motion: ObjectMotion
+    is_early: bool = False
     opened: int = 0
+    layers: list[StillContacts] = field(default_factory=list)
     _heap: list[_Entry] = field(default_factory=list)
     _serial: int = 0
     _refusals: dict[str, int] = field(default_factory=dict)
-    _targets: dict[Stand, RollPlan | None] = field(default_factory=dict)
+    _targets: dict[Labels, RollPlan | None] = field(default_factory=dict)
+    _promises: dict[tuple[int, int, int], Array] = field(default_factory=dict)
+    _carried: dict[tuple[int, int], tuple[int | None, list[FingerState], str]] = field(default_factory=dict)
+    _early: dict[int, list[list[int]]] = field(default_factory=dict)
 
-    @property
-    def _hand(self) -> HandModel:
-        return self.still.hand
+    def __post_init__(self) -> None:
+        turns = abs(self.motion.angle) / LAYER_ANGLE
+        shifts = float(np.linalg.norm(self.motion.shift_W)) / LAYER_SHIFT
+        self._count = int(np.ceil(max(turns, shifts) - 1e-9))
+        poses = self.motion.poses(self._count + 1) if self._count else self.motion.X_WO_start[None]
+        self.layers = [StillContacts(self.hand, X, self.admissibility) for X in poses]
 
     def run(self, node_budget: int) -> Adjustment:
         """Return the moves, fewest first as far as the search's greed allows."""
-        if _same(self.start, self.goal):
-            return Adjustment((), "")
-        if (rolled := self._roll_all_the_way()) is not None:
-            return Adjustment(rolled, "")
+        if not self._count:
+            if is_same(self.start, self.goal):
+                return Adjustment((), "")
+            rolled = roll_all_the_way(
+                self.hand, self.admissibility, self.motion.X_WO_start, self.start, self.goal
+            )
+            if rolled is not None:
+                why = "they roll to their goal contacts"
+                moves = [
+                    Move("roll", None, r.contacts, self.motion.X_WO_start, r.margins, r.rolls, why)
+                    for r in rolled
+                ]
+                return Adjustment(tuple(moves), "")
         self._set_targets()
         self._begin()
-        self._landings = {f: self.still.add_landings(f) for f in range(len(self.start))}
-        seen: set[Stand] = set()
+        seen: set[tuple[int, Stand]] = set()
         while self._heap and self.opened < node_budget:
             node = heapq.heappop(self._heap).node
-            if node.stand in seen:
+            if (node.layer, node.stand) in seen:
                 continue
             if refusal := self._check(node):
                 self._refuse(refusal)
                 continue
-            seen.add(node.stand)
+            seen.add((node.layer, node.stand))
             self.opened += 1
-            if node.stand in self._targets:
+            if node.layer == self._count and self.layers[-1].label(node.stand) in self._targets:
                 return Adjustment(self._moves(node), "", self.opened)
             self._expand(node)
         common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
@@ -122,99 +162,55 @@ class AdjustmentSearch:
     # -- where it begins and ends ----------------------------------------------------------------------------------------
 
     def _set_targets(self) -> None:
-        stand = tuple(None if c is None else self.still.add(c) for c in self.goal)
-        self._goal_stand = stand
-        self._targets[stand] = None
-        if self.still.has_pair(stand) or sum(s is not None for s in stand) < 3:
+        """Note the goal contacts, and where no two of them hold those from which they are rolled into, in the last layer."""
+        last = self.layers[-1]
+        stand = tuple(None if c is None else last.add(c, 0) for c in self.goal)
+        self._wanted = {f: [s] for f, s in enumerate(stand) if s is not None}
+        self._targets[last.label(stand)] = None
+        if last.has_pair(stand) or len(self._wanted) < 3:
             return
-        for option in self._unroll(self.goal):
-            before = tuple(
-                stand[f] if c is self.goal[f] else (None if c is None else self.still.add(c))
-                for f, c in enumerate(option.contacts)
-            )
-            self._targets[before] = option
+        for number, option in enumerate(self._unroll(last, self.goal), start=1):
+            before: list[int | None] = list(stand)
+            for roll in option.rolls:
+                contact = option.contacts[roll.finger]
+                assert contact is not None
+                before[roll.finger] = last.add(contact, number)
+                self._wanted[roll.finger].append(len(last.spots) - 1)
+            self._targets[last.label(tuple(before))] = option
 
     def _begin(self) -> None:
-        stand = tuple(None if c is None else self.still.add(c) for c in self.start)
-        self._push(_Node(stand, 0))
-        if self.still.has_pair(stand) or sum(s is not None for s in stand) < 3:
+        first = self.layers[0]
+        stand = tuple(None if c is None else first.add(c, self._name(c)) for c in self.start)
+        self._push(_Node(0, stand, 0.0))
+        if first.has_pair(stand) or sum(s is not None for s in stand) < 3:
             return
-        for option in self._unroll(self.start):
-            after = tuple(None if c is None else self.still.add(c) for c in option.contacts)
-            i, j = (self._hand.fingers[f].name for f in option.pair)
+        for option in self._unroll(first, self.start):
+            after = tuple(None if c is None else first.add(c, self._name(c)) for c in option.contacts)
+            i, j = (self.hand.fingers[f].name for f in option.pair)
             why = f"no two contacts are force closed; {i} and {j} roll apart until they are"
-            self._push(
-                _Node(after, 1, head=Move("roll", None, option.contacts, option.margins, option.rolls, why))
-            )
+            head = Move("roll", None, option.contacts, first.X_WO, option.margins, option.rolls, why)
+            self._push(_Node(0, after, 1.0, head=head))
 
-    def _unroll(self, contacts: tuple[Placement | None, ...]) -> list[RollPlan]:
-        search = RollToPair(self._hand, self.still.X_WO, contacts, self.still.admissibility)
+    def _name(self, contact: Placement) -> int | None:
+        """Return the label of a contact: a finger may stand at its goal contact already."""
+        goal = self.goal[contact.finger]
+        is_there = goal is not None and measure_angle(goal.normal_O, contact.normal_O) < 1e-6
+        return 0 if is_there else None
+
+    def _unroll(self, still: StillContacts, contacts: Contacts) -> list[RollPlan]:
+        search = RollToPair(self.hand, still.X_WO, contacts, self.admissibility)
         options = list(islice(search.options(), OPTIONS))
         if not options:
             self._refuse(f"no two contacts hold, and rolling cannot make two that do: {search.explain()}")
         return options
 
-    def _roll_all_the_way(self) -> tuple[Move, ...] | None:
-        """Return rolls that bring every finger to its goal, all together or one after another; None where that fails."""
-        pairs = list(zip(self.start, self.goal, strict=True))
-        if any((a is None) != (b is None) for a, b in pairs):
-            return None
-        way = {a.finger: _angle(a.normal_O, b.normal_O) for a, b in pairs if a is not None and b is not None}
-        rolling = [f for f, angle in way.items() if angle > 1e-9]
-        if not rolling or max(way.values()) > ROLL_REACH:
-            return None
-        together: list[tuple[int, ...]] = [tuple(rolling)]
-        orders: list[list[tuple[int, ...]]] = [together, *([(f,) for f in order] for order in permutations(rolling))]
-        for order in orders if len(rolling) > 1 else orders[:1]:
-            contacts, moves = self.start, []
-            for group in order:
-                move = self._roll(contacts, group, way)
-                if move is None:
-                    break
-                moves.append(move)
-                contacts = move.contacts
-            else:
-                return tuple(moves)
-        return None
-
-    def _roll(
-        self, contacts: tuple[Placement | None, ...], fingers: tuple[int, ...], way: dict[int, float]
-    ) -> Move | None:
-        """Return the roll of ``fingers`` to their goals along great circles while all hold; None where it is not admissible."""
-        hand, X_WO = self._hand, self.still.X_WO
-        count = max(9, int(np.ceil(max(way[f] for f in fingers) / STEP)) + 1)
-        rolls, postures = (
-            [],
-            {c.finger: np.repeat(c.q[None], count, axis=0) for c in contacts if c is not None},
-        )
-        after = list(contacts)
-        for f in fingers:
-            here, there = contacts[f], self.goal[f]
-            assert here is not None
-            assert there is not None
-            roll = build_roll(hand, here, there.normal_O, way[f], count)
-            q, refusal = follow_roll(hand, X_WO, roll, here.q)
-            if refusal:
-                return None
-            rolls.append(roll)
-            postures[f] = q
-            after[f] = end_placement(roll, here, q[-1])
-        rows: list[Margins] = []
-        for k in range(count):
-            q_all = hand.q_home
-            for f, q in postures.items():
-                q_all[f] = q[k]
-            row = self.still.admissibility.compute_margins(q_all, X_WO, tuple(sorted(postures)))
-            if not row.is_admissible:
-                return None
-            rows.append(row)
-        return Move("roll", None, tuple(after), worst(rows), tuple(rolls), "they roll to their goal contacts")
-
     # -- search ----------------------------------------------------------------------------------------------------------
 
-    def _push(self, node: _Node) -> None:
-        ahead = min(_count_moves(node.stand, target) for target in self._targets)
-        heapq.heappush(self._heap, _Entry(node.spent + GREED * ahead, self._serial, node))
+    def _push(self, node: _Node, drawback: float = 0.0) -> None:
+        labels = self.layers[node.layer].label(node.stand)
+        ahead: float = min(_count_moves(labels, target) for target in self._targets)
+        ahead += CARRY_COST * (self._count - node.layer)
+        heapq.heappush(self._heap, _Entry(node.spent + GREED * ahead + drawback, self._serial, node))
         self._serial += 1
 
     def _refuse(self, refusal: str) -> None:
@@ -223,38 +219,119 @@ class AdjustmentSearch:
 
     def _check(self, node: _Node) -> str:
         """Return why the move that leads to ``node`` cannot be made; "" if it can."""
-        row = self.still.judge(node.stand)
+        still = self.layers[node.layer]
+        row = still.judge(node.stand)
         if not row.is_admissible:
             return row.refusal
         node.margins = row.as_dict()
         if node.parent is None:
             return ""
+        if node.parent.layer != node.layer:
+            return self._check_carry(node.parent, node)
         f = node.changed
         assert f is not None
         spot = node.stand[f] if node.stand[f] is not None else node.parent.stand[f]
         assert spot is not None
         fewer = tuple(None if k == f else s for k, s in enumerate(node.stand))
-        clearance, names = self.still.clear_on_way(fewer, spot)
+        clearance, names = still.clear_on_way(fewer, spot)
         node.margins["clearance_mm"] = min(node.margins["clearance_mm"], 1e3 * clearance)
-        if clearance < self._hand.limits.clearance:
+        if clearance < self.hand.limits.clearance:
             return f"{names} come within {1e3 * clearance:.1f} mm on the way"
         return ""
 
+    def _step(self, layer: int) -> ObjectMotion:
+        return self.motion.part(layer / self._count, (layer + 1) / self._count)
+
+    def _carry(self, layer: int, spot: int) -> tuple[int | None, list[FingerState], str]:
+        """Return the spot in the next layer to which a contact is carried, and the finger's states on the way.
+
+        None, and a reason, where it cannot be carried there.
+        """
+        key = (layer, spot)
+        if key not in self._carried:
+            placement = self.layers[layer].spots[spot]
+            q, refusal = follow_object(self.hand, placement, self._step(layer).poses())
+            there, states = None, []
+            if not refusal:
+                label = self.layers[layer].labels[spot]
+                there = self.layers[layer + 1].add(replace(placement, q=q[-1]), label)
+                states = compute_finger_states(self.hand, placement.finger, q)
+            self._carried[key] = there, states, refusal
+        return self._carried[key]
+
+    def _check_carry(self, node: _Node, after: _Node) -> str:
+        """Return why the grasp of a node cannot carry the object to the next pose, which is that of ``after``; "" if it can."""
+        motion = self._step(node.layer)
+        states = {f: self._carry(node.layer, s)[1] for f, s in enumerate(node.stand) if s is not None}
+        rows, refusal = judge_carry(self.hand, self.admissibility, states, motion, motion.poses())
+        after.margins = worst(rows)
+        return refusal
+
     def _expand(self, node: _Node) -> None:
-        stand, still = node.stand, self.still
+        stand, still = node.stand, self.layers[node.layer]
+        if node.layer < self._count:
+            carried = [None if s is None else self._carry(node.layer, s) for s in stand]
+            for c in carried:
+                if c is not None and c[2]:
+                    self._refuse(c[2])
+            if not any(c is not None and c[2] for c in carried):
+                there = tuple(None if c is None else c[0] for c in carried)
+                self._push(_Node(node.layer + 1, there, node.spent + CARRY_COST, node))
         for f, spot in enumerate(stand):
             rest = [s for k, s in enumerate(stand) if s is not None and k != f]
             if spot is not None:
                 if len(rest) >= 2 and any(
                     still.forms_pair(a, b) for i, a in enumerate(rest) for b in rest[i + 1 :]
                 ):
-                    self._push(_Node(_with(stand, f, None), node.spent + 1, node, f))
+                    self._push(_Node(node.layer, _with(stand, f, None), node.spent + 1.0, node, f))
                 continue
-            wanted = {t[f] for t in self._targets} - {None}
-            # A place between is of use only where it lets one of the others go.
-            between = [s for s in self._landings[f] if any(still.forms_pair(s, r) for r in rest)]
-            for place in (*sorted(s for s in wanted if s is not None), *between):
-                self._push(_Node(_with(stand, f, place), node.spent + 1, node, f))
+            for place in self._goals(node.layer, f):
+                self._push(_Node(node.layer, _with(stand, f, place), node.spent + 1.0, node, f))
+            # A place between is of use only where it holds with one of the others, so that the third can go.
+            promise = np.minimum.reduce([self._loads(node.layer, f, r) for r in rest])
+            for place, load in zip(still.landings(f), promise, strict=True):
+                if np.isfinite(load):
+                    child = _Node(node.layer, _with(stand, f, place), node.spent + 1.0, node, f)
+                    self._push(child, LOAD_COST * float(load))
+
+    def _goals(self, layer: int, finger: int) -> list[int]:
+        """Return the goal contacts that a finger may take in a layer."""
+        if layer == self._count:
+            return self._wanted.get(finger, [])
+        goal = self.goal[finger]
+        if not self.is_early or goal is None:
+            return []
+        if layer not in self._early:
+            self._early[layer] = [[] for _ in self.goal]
+            for f, wanted in enumerate(self.goal):
+                if wanted is None:
+                    continue
+                for found in build_landings(self.hand, self.layers[layer].X_WO, f, wanted.normal_O[None]):
+                    if found is not None:
+                        self._early[layer][f].append(self.layers[layer].add(found, 0))
+        return self._early[layer][finger]
+
+    def _loads(self, layer: int, finger: int, partner: int) -> Array:
+        """Return what pairs of ``partner`` with each of a finger's landings use of the cone, now and with the object at its end.
+
+        inf where a pair does not hold now; 1 for the end where it does not hold then, or is far from where the finger stands.
+        """
+        key = layer, finger, partner
+        if key not in self._promises:
+            still, last = self.layers[layer], self.layers[-1]
+            now = still.loads(finger, partner)
+            now = np.where(now <= SLACK * self.hand.limits.cone_share, now, np.inf)
+            turn = last.X_WO[:3, :3] @ still.X_WO[:3, :3].T
+            normals = np.array([still.normal(s) for s in still.landings(finger)]).reshape(-1, 3) @ turn.T
+            other = np.broadcast_to(turn @ still.normal(partner), normals.shape)
+            home = self.hand.p_WF_home[finger] - last.X_WO[:3, 3]
+            later = np.ones(len(normals))
+            if len(normals):
+                wrench = compute_object_wrench(self.hand, None)
+                later = np.minimum(compute_pair_loads(self.hand, other, normals, wrench).utilisation, 1.0)
+                later = np.where(normals @ home > 0.3 * np.linalg.norm(home), later, 1.0)
+            self._promises[key] = now + later
+        return self._promises[key]
 
     # -- the answer ------------------------------------------------------------------------------------------------------
 
@@ -263,29 +340,34 @@ class AdjustmentSearch:
         while way[-1].parent is not None:
             way.append(way[-1].parent)
         way.reverse()
-        moves = [way[0].head] if way[0].head is not None else []
-        goals = {s for t in self._targets for s in t if s is not None}
-        for node in way[1:]:
+        moves = [] if way[0].head is None else [way[0].head]
+        for before, node in pairwise(way):
+            still = self.layers[node.layer]
+            contacts = still.placements(node.stand)
+            if node.layer != before.layer:
+                motion = self._step(before.layer)
+                moves.append(Move("carry", None, contacts, motion.X_WO_end, node.margins, motion=motion))
+                continue
             f = node.changed
             assert f is not None
             spot = node.stand[f]
-            contacts = self.still.placements(node.stand)
             if spot is None:
-                moves.append(Move("lift", f, contacts, node.margins, why="the others hold without it"))
+                moves.append(
+                    Move("lift", f, contacts, still.X_WO, node.margins, why="the others hold without it")
+                )
                 continue
-            why = (
-                "it comes to its goal contact"
-                if spot in goals
-                else "it stands in for a finger that has to move"
+            why = {None: "it stands in for a finger that has to move", 0: "it comes to its goal contact"}.get(
+                still.labels[spot], "it comes near its goal contact, from where it is rolled there"
             )
-            if spot in goals and spot not in self._goal_stand:
-                why = "it comes near its goal contact, from where it is rolled there"
-            moves.append(Move("place", f, contacts, node.margins, why=why))
-        option = self._targets[last.stand]
+            moves.append(Move("place", f, contacts, still.X_WO, node.margins, why=why))
+        option = self._targets[self.layers[-1].label(last.stand)]
         if option is not None:
+            after = list(self.layers[-1].placements(last.stand))
+            for roll in option.rolls:
+                after[roll.finger] = self.goal[roll.finger]
             rolls = tuple(reverse_roll(r) for r in option.rolls)
             why = "no two of the goal contacts hold alone; they are rolled into"
-            moves.append(Move("roll", None, self.goal, option.margins, rolls, why))
+            moves.append(Move("roll", None, tuple(after), self.layers[-1].X_WO, option.margins, rolls, why))
         return tuple(moves)
 
 
@@ -293,18 +375,15 @@ def _with(stand: Stand, finger: int, spot: int | None) -> Stand:
     return (*stand[:finger], spot, *stand[finger + 1 :])
 
 
-def _count_moves(stand: Stand, target: Stand) -> int:
+def _count_moves(labels: Labels, target: Labels) -> int:
     """Return how many placements and lifts are missing at least."""
-    return sum((a is not None) + (b is not None) for a, b in zip(stand, target, strict=True) if a != b)
+    return sum((a is not None) + (b is not None) for a, b in zip(labels, target, strict=True) if a != b)
 
 
-def _angle(a: Array, b: Array) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-
-
-def _same(a: tuple[Placement | None, ...], b: tuple[Placement | None, ...]) -> bool:
+def is_same(a: Contacts, b: Contacts) -> bool:
     """Return whether the fingers touch at the same places."""
     return all(
-        (x is None) == (y is None) and (x is None or y is None or _angle(x.normal_O, y.normal_O) < 1e-6)
+        (x is None) == (y is None)
+        and (x is None or y is None or measure_angle(x.normal_O, y.normal_O) < 1e-6)
         for x, y in zip(a, b, strict=True)
     )

@@ -6,7 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dexplan.planning.admissible import Admissibility, Margins, worst
+from dexplan.planning.admissible import (
+    Admissibility,
+    FingerState,
+    Margins,
+    compute_finger_states,
+    worst,
+)
 from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import SHIFT_STEP, STEP
 from dexplan.planning.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
@@ -17,6 +23,8 @@ from dexplan.spatial import Array, rotate_about
 
 JUMP = 0.30
 """Joint steps between samples beyond this mean another branch [rad]."""
+BLOCK = 6
+"""Samples whose inverse kinematics are solved at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +69,19 @@ def follow_object(hand: HandModel, placement: Placement, X_WO: Array) -> tuple[A
     Joint limits are not looked at here; ``placement.q`` is the posture at the first pose.
     """
     description = hand.fingers[placement.finger]
+    X_WF = X_WO @ placement.X_OF
     q = np.empty((len(X_WO), description.chain.n_joints))
     q[0] = placement.q
-    for k in range(1, len(X_WO)):
-        guess = 2.0 * q[k - 1] - q[k - 2] if k > 1 else q[0]
-        solved, reached = solve_ik(description.chain, (X_WO[k] @ placement.X_OF)[None], guess[None])
-        q[k] = wrap_near(solved[0], guess)
-        if not reached[0] or np.abs(q[k] - q[k - 1]).max() > JUMP:
-            return q[:k], f"{description.name} comes to the end of its workspace"
+    for first in range(1, len(X_WO), BLOCK):
+        rows = slice(first, min(first + BLOCK, len(X_WO)))
+        # A few small steps at once, all from where the finger is: one pass of the batch costs hardly more than one pose.
+        solved, reached = solve_ik(
+            description.chain, X_WF[rows], np.repeat(q[first - 1 : first], len(X_WF[rows]), axis=0)
+        )
+        for k in range(first, rows.stop):
+            q[k] = wrap_near(solved[k - first], q[k - 1])
+            if not reached[k - first] or np.abs(q[k] - q[k - 1]).max() > JUMP:
+                return q[:k], f"{description.name} comes to the end of its workspace"
     return q, ""
 
 
@@ -83,6 +96,28 @@ def center_spin(hand: HandModel, placement: Placement, motion: ObjectMotion) -> 
     q, _ = follow_object(hand, placement, motion.poses())
     middle = 0.5 * (chain.lower[-1] + chain.upper[-1])
     return spin_tip(hand, placement, float(middle - 0.5 * (q[:, -1].min() + q[:, -1].max())))
+
+
+def judge_carry(
+    hand: HandModel,
+    admissibility: Admissibility,
+    states: dict[int, list[FingerState]],
+    motion: ObjectMotion,
+    poses: Array,
+) -> tuple[list[Margins], str]:
+    """Return the margins at ``poses`` (K, 4, 4) of a motion, fingers in ``states`` (K of each) holding; and the first refusal."""
+    axis = np.sign(motion.angle) * motion.axis_W if abs(motion.angle) > 1e-9 else None
+    rows: list[Margins] = []
+    for k, X_WO in enumerate(poses):
+        now = {finger: way[k] for finger, way in states.items()}
+        q = hand.q_home
+        for finger, state in now.items():
+            q[finger] = state.q
+        row = admissibility.compute_margins_of(now, q, X_WO, axis_W=axis, explain=False)
+        if not row.is_admissible:
+            return rows, row.refusal
+        rows.append(row)
+    return rows, ""
 
 
 def plan_coordinated(
@@ -101,16 +136,10 @@ def plan_coordinated(
         ways[c.finger], refusal = follow_object(hand, c, poses)
         if refusal:
             return None, refusal
-    axis = np.sign(motion.angle) * motion.axis_W if abs(motion.angle) > 1e-9 else None
-    rows: list[Margins] = []
-    for k, X_WO in enumerate(poses):
-        q = hand.q_home
-        for finger, way in ways.items():
-            q[finger] = way[k]
-        row = admissibility.compute_margins(q, X_WO, tuple(sorted(ways)), axis_W=axis)
-        if not row.is_admissible:
-            return None, row.refusal
-        rows.append(row)
+    states = {f: compute_finger_states(hand, f, way) for f, way in ways.items()}
+    rows, refusal = judge_carry(hand, admissibility, states, motion, poses)
+    if refusal:
+        return None, refusal
     action = Action(
         kind="move_object",
         finger=None,

@@ -70,13 +70,10 @@ def _plan_in_order(stages: Stages, goal: RotationGoal, shares: tuple[float, ...]
     whole = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
     why = ""
     for share in shares:
-        after = whole.part(share, 1.0)
-        gait = None
-        if share > 0.0 and not whole.is_still:
-            gait = RotationGoal(
-                goal.X_WO_start, goal.axis_W, share * goal.angle, share * goal.shift_W, goal.is_attitude
-            )
-        actions, first, refused = stages.run(gait, after)
+        before, after = whole.part(0.0, share), whole.part(share, 1.0)
+        actions, first, refused = stages.run(
+            before, after, is_attitude=goal.is_attitude, is_early=share < 1.0
+        )
         if not refused:
             return stages.build_plan(KIND, goal, actions, first)
         why = refused

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -18,48 +17,85 @@ from dexplan.spatial import Array
 Contacts = tuple[Placement | None, ...]
 
 
-def build_move_actions(
-    moves: Iterable[Move], before: Contacts, X_WO: Array, axis_W: Array
-) -> tuple[Action, ...]:
-    """Return an adjustment's moves as actions, the object standing still at ``X_WO`` (4, 4)."""
-    still: dict[str, Any] = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": axis_W, "angle": 0.0}
-    actions = []
-    for move in moves:
-        touch, after = _touch(before), _touch(move.contacts)
-        grasping = _holding(before)
-        if move.kind == "roll":
-            phases = [PlannedPhase("roll", touch)]
-        else:
-            assert move.finger is not None
-            changing = tuple(MAY if k == move.finger else t for k, t in enumerate(touch))
-            if move.kind == "place":
-                phases = [
-                    PlannedPhase("travel", touch),
-                    PlannedPhase("approach", changing),
-                    PlannedPhase("load", after),
-                ]
-            else:
-                grasping = _holding(move.contacts)
-                phases = [
-                    PlannedPhase("unload", touch),
-                    PlannedPhase("retreat", changing),
-                    PlannedPhase("travel", after),
-                ]
-        actions.append(
-            Action(
-                kind=move.kind,
-                finger=move.finger,
-                grasping=grasping,
-                contacts_end=move.contacts,
-                phases=tuple(phases),
-                why=move.why,
-                margins=move.margins,
-                rolls=move.rolls,
-                **still,
-            )
-        )
-        before = move.contacts
+def build_move_actions(moves: tuple[Move, ...], before: Contacts, axis_W: Array) -> tuple[Action, ...]:
+    """Return an adjustment's moves as actions; ``axis_W`` (3,) is noted where the object stands still.
+
+    Carries from pose to pose with one grasp become one motion of the object.
+    """
+    actions: list[Action] = []
+    k = 0
+    while k < len(moves):
+        if moves[k].kind != "carry":
+            actions.append(_relocate(moves[k], before, axis_W))
+            before, k = moves[k].contacts, k + 1
+            continue
+        last = k
+        while last + 1 < len(moves) and moves[last + 1].kind == "carry":
+            last += 1
+        first, end = moves[k].motion, moves[last].motion
+        assert first is not None
+        assert end is not None
+        actions.append(_carry(moves[k : last + 1], first, end, before, last + 1 < len(moves)))
+        before, k = moves[last].contacts, last + 1
     return tuple(actions)
+
+
+def _carry(
+    moves: tuple[Move, ...], first: ObjectMotion, last: ObjectMotion, before: Contacts, goes_on: bool
+) -> Action:
+    """Return carries one after another as one motion of the object."""
+    rows = [m.margins for m in moves]
+    return Action(
+        kind="move_object",
+        finger=None,
+        grasping=_holding(before),
+        X_WO_start=first.X_WO_start,
+        X_WO_end=last.X_WO_end,
+        axis_W=first.axis_W,
+        angle=len(moves) * first.angle,
+        contacts_end=moves[-1].contacts,
+        phases=(PlannedPhase("move", _touch(before)),),
+        why="until fingers can be relocated" if goes_on else "until the object is where it should be",
+        margins={key: (max if key == "torque_share" else min)(row[key] for row in rows) for key in rows[0]},
+    )
+
+
+def _relocate(move: Move, before: Contacts, axis_W: Array) -> Action:
+    """Return a placement, lift or roll as an action."""
+    touch, after = _touch(before), _touch(move.contacts)
+    grasping = _holding(before)
+    if move.kind == "roll":
+        phases = [PlannedPhase("roll", touch)]
+    else:
+        assert move.finger is not None
+        changing = tuple(MAY if k == move.finger else t for k, t in enumerate(touch))
+        if move.kind == "place":
+            phases = [
+                PlannedPhase("travel", touch),
+                PlannedPhase("approach", changing),
+                PlannedPhase("load", after),
+            ]
+        else:
+            grasping = _holding(move.contacts)
+            phases = [
+                PlannedPhase("unload", touch),
+                PlannedPhase("retreat", changing),
+                PlannedPhase("travel", after),
+            ]
+    return Action(
+        kind=move.kind,
+        finger=move.finger,
+        grasping=grasping,
+        X_WO_start=move.X_WO,
+        X_WO_end=move.X_WO,
+        axis_W=axis_W,
+        angle=0.0,
+        contacts_end=move.contacts,
+        phases=tuple(phases),
+        why=move.why,
+        margins=move.margins,
+        rolls=move.rolls,
+    )
 
 
 def without_holds(actions: tuple[Action, ...]) -> tuple[Action, ...]:

@@ -26,6 +26,11 @@ from dexplan.spatial import Array
 GoalContacts = tuple[Array | None, ...]
 """Per finger the outward normal (3,) of its goal contact in object axes, None where it has to be free."""
 
+SEARCH_BUDGET = 500
+"""Nodes that one search for an adjustment may open."""
+REST_ANGLE, REST_SHIFT = float(np.radians(80.0)), 0.02
+"""So much of the object's motion [rad, m] at most is left to that search."""
+
 
 @dataclass(eq=False)
 class Stages:
@@ -72,9 +77,12 @@ class Stages:
         stand = tuple(None if c is None else still.add(c) for c in contacts)
         return still.judge(stand).refusal
 
-    def run(self, gait: RotationGoal | None, after: ObjectMotion) -> tuple[tuple[Action, ...], Contacts, str]:
-        """Plan one way: gaits to ``gait`` (None: the object stays), adjust, carry through ``after`` with the goal grasp.
+    def run(
+        self, before: ObjectMotion, after: ObjectMotion, *, is_attitude: bool = True, is_early: bool = False
+    ) -> tuple[tuple[Action, ...], Contacts, str]:
+        """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
+        ``is_attitude``: any way to the end of ``before`` will do.  ``is_early``: goal contacts may be taken on the way there.
         Returns the actions (none where it fails), the start contacts, and why it fails.
         """
         X_WO = after.X_WO_start
@@ -84,37 +92,60 @@ class Stages:
         goal = tuple(None if c is None else center_spin(self.hand, c, after) for c in goal)
         if refusal := self.refuse_goal(X_WO, goal):
             return (), (), f"the goal grasp does not hold where it would be made: {refusal}"
-        last: tuple[Action, ...] = ()
         if not after.is_still:
-            why = "coordinated manipulation with the goal grasp reaches the goal"
-            action, refusal = plan_coordinated(self.hand, self.admissibility, goal, after, why)
-            if action is None:
+            _, refusal = plan_coordinated(self.hand, self.admissibility, goal, after, "")
+            if refusal:
                 return (), (), f"the goal grasp cannot carry the object to the goal: {refusal}"
-            last = (action,)
-        first: tuple[Action, ...] = ()
-        start = self.hold.start_contacts
-        if gait is not None:
-            moved = plan_object_manipulation(self.hand, gait, self.start, self.node_budget, self.primitives)
-            self.opened += int(moved.statistics.get("nodes", 0))
-            if not moved.is_solved:
-                return (), (), f"the object cannot be brought there ({moved.status}: {moved.reason})"
-            first, start = without_holds(moved.actions), moved.start_contacts
-        here = follow_actions(self.hand, start, first)
-        still = StillContacts(self.hand, X_WO, self.admissibility)
-        search = AdjustmentSearch(still, here, goal)
-        found = search.run(self.node_budget)
-        self.opened += found.opened
-        if found.moves is None:
-            return (), (), f"no way from the grasp there to the goal grasp: {found.reason}"
-        moves = build_move_actions(found.moves, here, X_WO, after.axis_W)
-        if found.moves and last:
-            # Fingers that were rolled to their goals do not stand as they would have landed.
-            held = follow_actions(self.hand, here, moves)
-            action, refusal = plan_coordinated(self.hand, self.admissibility, held, after, last[0].why)
-            if action is None:
-                return (), (), f"the goal grasp cannot carry the object to the goal: {refusal}"
-            last = (action,)
-        return (*first, *moves, *last), start, ""
+        why = ""
+        for rest in self._choose_rests(before):
+            first, start, refused = self._gait(before, rest, is_attitude)
+            if not refused:
+                here = follow_actions(self.hand, start, first)
+                search = AdjustmentSearch(
+                    self.hand, self.admissibility, here, goal, before.part(1.0 - rest, 1.0), is_early
+                )
+                found = search.run(SEARCH_BUDGET)
+                self.opened += found.opened
+                if found.moves is None:
+                    refused = f"no way from the grasp there to the goal grasp: {found.reason}"
+                else:
+                    moves = build_move_actions(found.moves, here, after.axis_W)
+                    last, refused = self._finish(follow_actions(self.hand, here, moves), after)
+                    if not refused:
+                        return (*first, *moves, *last), start, ""
+            why = why or refused
+        return (), (), why
+
+    def _choose_rests(self, motion: ObjectMotion) -> tuple[float, ...]:
+        """Return the shares of a motion that are left to the search that adjusts the grasp; gaits do what comes before."""
+        if motion.is_still:
+            return (0.0,)
+        size = max(abs(motion.angle) / REST_ANGLE, float(np.linalg.norm(motion.shift_W)) / REST_SHIFT)
+        return (1.0, 0.5, 0.0) if size <= 1.0 else (1.0 / size, 0.5 / size, 0.0)
+
+    def _gait(
+        self, motion: ObjectMotion, rest: float, is_attitude: bool
+    ) -> tuple[tuple[Action, ...], Contacts, str]:
+        """Return the gait that takes the object through all of ``motion`` but its last share ``rest``."""
+        if motion.is_still or rest == 1.0:
+            return (), self.hold.start_contacts, ""
+        part = motion.part(0.0, 1.0 - rest)
+        goal = RotationGoal(self.X_WO, part.axis_W, part.angle, part.shift_W, is_attitude)
+        moved = plan_object_manipulation(self.hand, goal, self.start, self.node_budget, self.primitives)
+        self.opened += int(moved.statistics.get("nodes", 0))
+        if not moved.is_solved:
+            return (), (), f"the object cannot be brought there ({moved.status}: {moved.reason})"
+        return without_holds(moved.actions), moved.start_contacts, ""
+
+    def _finish(self, contacts: Contacts, after: ObjectMotion) -> tuple[tuple[Action, ...], str]:
+        """Return the coordinated manipulation with the goal grasp as it was really made, or why it is not possible."""
+        if after.is_still:
+            return (), ""
+        why = "coordinated manipulation with the goal grasp reaches the goal"
+        action, refusal = plan_coordinated(self.hand, self.admissibility, contacts, after, why)
+        if action is None:
+            return (), f"the goal grasp cannot carry the object to the goal: {refusal}"
+        return (action,), ""
 
     def build_plan(self, kind: str, goal: RotationGoal, actions: tuple[Action, ...], start: Contacts) -> Plan:
         """Return the plan made of ``actions``."""

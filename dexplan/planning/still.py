@@ -8,6 +8,7 @@ import numpy as np
 
 from dexplan.planning.admissible import Admissibility, FingerState, Margins, compute_finger_states
 from dexplan.planning.hand import HandModel
+from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.orbits import build_aligned
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import compute_pair_angle_max, keeps_order
@@ -19,7 +20,7 @@ from dexplan.spatial import Array, invert_pose
 Stand = tuple[int | None, ...]
 """Per finger the number of its spot, None where it is free (at home)."""
 
-DIRECTIONS = 320
+DIRECTIONS = 240
 """Directions around the object at which intermediate landings are tried."""
 
 
@@ -57,15 +58,22 @@ def spin_tip(hand: HandModel, placement: Placement, angle: float) -> Placement:
 
 @dataclass(eq=False)
 class StillContacts:
-    """All contacts considered while the object stands at ``X_WO`` (4, 4); answers are kept."""
+    """All contacts considered while the object stands at ``X_WO`` (4, 4); answers are kept.
+
+    ``labels`` says of every spot whether it is a goal contact (0), one from which a goal contact is rolled to (1, 2, ..), or
+    neither (None).
+    """
 
     hand: HandModel
     X_WO: Array
     admissibility: Admissibility
     spots: list[Placement] = field(default_factory=list)
+    labels: list[int | None] = field(default_factory=list)
     _states: list[FingerState] = field(default_factory=list)
     _normals: list[Array] = field(default_factory=list)
     _margins: dict[Stand, Margins] = field(default_factory=dict)
+    _landings: dict[int, list[int]] = field(default_factory=dict)
+    _loads: dict[tuple[int, int], Array] = field(default_factory=dict)
     _ways: dict[int, Array] = field(default_factory=dict)
     _clearances: dict[tuple[Stand, int], tuple[float, str]] = field(default_factory=dict)
 
@@ -75,20 +83,55 @@ class StillContacts:
         self.opposite = -float(np.cos(2.0 * beta))
         """Two contacts hold where the cosine between their normals is less than this."""
 
-    def add(self, placement: Placement) -> int:
+    def add(self, placement: Placement, label: int | None = None) -> int:
         """Note a contact; return its number."""
-        self.spots.append(placement)
-        self._states.append(compute_finger_states(self.hand, placement.finger, placement.q[None])[0])
-        self._normals.append(self.X_WO[:3, :3] @ placement.normal_O)
-        return len(self.spots) - 1
+        return self.add_all([placement], label)[0]
 
-    def add_landings(self, finger: int) -> list[int]:
-        """Note places all over the object where a finger can land alone; return their numbers."""
-        normals = spread_directions(DIRECTIONS)
-        normals = normals[self.hand.object.allows(normals)]
-        home = self.hand.p_WF_home[finger] - self.X_WO[:3, 3]
-        normals = normals[normals @ self.X_WO[:3, :3].T @ home > 0.0]
-        return [self.add(p) for p in build_landings(self.hand, self.X_WO, finger, normals) if p is not None]
+    def add_all(self, placements: list[Placement], label: int | None = None) -> list[int]:
+        """Note contacts of one finger; return their numbers."""
+        if not placements:
+            return []
+        q = np.stack([p.q for p in placements])
+        first = len(self.spots)
+        self.spots += placements
+        self.labels += [label] * len(placements)
+        self._states += compute_finger_states(self.hand, placements[0].finger, q)
+        self._normals += [self.X_WO[:3, :3] @ p.normal_O for p in placements]
+        return list(range(first, len(self.spots)))
+
+    def landings(self, finger: int) -> list[int]:
+        """Return places all over the object where a finger can land, as far as it alone is concerned."""
+        if finger not in self._landings:
+            normals = spread_directions(DIRECTIONS)
+            normals = normals[self.hand.object.allows(normals)]
+            home = self.hand.p_WF_home[finger] - self.X_WO[:3, 3]
+            normals = normals[normals @ self.X_WO[:3, :3].T @ home > 0.0]
+            found = build_landings(self.hand, self.X_WO, finger, normals)
+            self._landings[finger] = self.add_all([p for p in found if p is not None])
+        return self._landings[finger]
+
+    def loads(self, finger: int, partner: int) -> Array:
+        """Return which share of the believed cone it takes to hold with ``partner`` and each of the landings of a finger."""
+        key = finger, partner
+        if key not in self._loads:
+            normals = np.array([self._normals[s] for s in self.landings(finger)]).reshape(-1, 3)
+            other = np.broadcast_to(self._normals[partner], normals.shape)
+            wrench = compute_object_wrench(self.hand, None)
+            used = (
+                compute_pair_loads(self.hand, other, normals, wrench).utilisation
+                if len(normals)
+                else np.zeros(0)
+            )
+            self._loads[key] = np.where(normals @ self._normals[partner] < self.opposite, used, np.inf)
+        return self._loads[key]
+
+    def normal(self, spot: int) -> Array:
+        """Return the outward normal (3,) of a spot in W."""
+        return self._normals[spot]
+
+    def label(self, stand: Stand) -> tuple[int | None, ...]:
+        """Return the labels of a stand; -1 for a contact without one, None for a free finger."""
+        return tuple(None if s is None else -1 if (found := self.labels[s]) is None else found for s in stand)
 
     def placements(self, stand: Stand) -> tuple[Placement | None, ...]:
         """Return the contacts of a stand."""
