@@ -24,6 +24,7 @@ from dexplan.planning.roll_gait import RollPlan, RollToPair
 from dexplan.planning.roll_to_goal import measure_angle, roll_all_the_way
 from dexplan.planning.states import without_numbers
 from dexplan.planning.still import Stand, StillContacts, build_landings
+from dexplan.scene.workspace import spread_directions
 from dexplan.spatial import Array
 
 GREED = 1.5
@@ -34,8 +35,12 @@ LOAD_COST = 0.4
 """What a landing counts in addition whose pair uses all of the believed cone."""
 SLACK = 1.02
 """The quick answer searches on a grid: a pair does not hold for sure only beyond this."""
-OPTIONS = 6
-"""Ways to roll into the goal grasp, and out of the start grasp, that the search may use."""
+OPTIONS = 2
+"""Ways to roll into the goal grasp, and out of the start grasp, that the search may use for every pair of fingers."""
+SAME = 0.5
+"""How much later a grasp is opened for every one like it that has been."""
+KINDS = spread_directions(40)
+"""Contacts are alike whose directions are nearest to the same one of these."""
 LAYER_ANGLE, LAYER_SHIFT = float(np.radians(12.0)), 6e-3
 """Poses at which fingers may be relocated are at most so far apart [rad, m]."""
 
@@ -78,6 +83,8 @@ class _Node:
     changed: int | None = None
     head: Move | None = None
     margins: dict[str, float] = field(default_factory=dict)
+    drawback: float = 0.0
+    waited: int = 0
 
 
 @dataclass(order=True)
@@ -90,6 +97,19 @@ class _Entry:
 def reverse_roll(roll: Roll) -> Roll:
     """Return the same way walked backwards."""
     return Roll(roll.finger, roll.X_OF[::-1], roll.normal_O[::-1])
+
+
+class _EveryPair(RollToPair):
+    """Rolls of every pair of three fingers, not only of those that are farthest apart."""
+
+    def first_of_every_pair(self, count: int) -> list[RollPlan]:
+        """Return up to ``count`` ways for every pair."""
+        found: list[RollPlan] = []
+        touching = [c for c in self.contacts if c is not None]
+        for third in touching:
+            a, b = (c for c in touching if c is not third)
+            found += islice(self._open(a, b, third), count)
+        return found
 
 
 @dataclass(eq=False)
@@ -141,14 +161,22 @@ class AdjustmentSearch:
         self._set_targets()
         self._begin()
         seen: set[tuple[int, Stand]] = set()
+        likes: dict[tuple[object, ...], int] = {}
         while self._heap and self.opened < node_budget:
             node = heapq.heappop(self._heap).node
             if (node.layer, node.stand) in seen:
+                continue
+            # Grasps like those that led nowhere come later: small variations of one idea must not use up the budget.
+            kind = self._kind(node)
+            if node.waited < (count := likes.get(kind, 0)):
+                node.waited = count
+                self._push(node, SAME * count)
                 continue
             if refusal := self._check(node):
                 self._refuse(refusal)
                 continue
             seen.add((node.layer, node.stand))
+            likes[kind] = count + 1
             self.opened += 1
             if node.layer == self._count and self.layers[-1].label(node.stand) in self._targets:
                 return Adjustment(self._moves(node), "", self.opened)
@@ -198,19 +226,34 @@ class AdjustmentSearch:
         return 0 if is_there else None
 
     def _unroll(self, still: StillContacts, contacts: Contacts) -> list[RollPlan]:
-        search = RollToPair(self.hand, still.X_WO, contacts, self.admissibility)
-        options = list(islice(search.options(), OPTIONS))
+        search = _EveryPair(self.hand, still.X_WO, contacts, self.admissibility)
+        options = search.first_of_every_pair(OPTIONS)
         if not options:
             self._refuse(f"no two contacts hold, and rolling cannot make two that do: {search.explain()}")
         return options
 
     # -- search ----------------------------------------------------------------------------------------------------------
 
-    def _push(self, node: _Node, drawback: float = 0.0) -> None:
+    def _kind(self, node: _Node) -> tuple[object, ...]:
+        """Return what is alike for small variations of a grasp: the pose, who touches, and roughly where."""
+        still = self.layers[node.layer]
+        where = (
+            None
+            if s is None
+            else "goal"
+            if still.labels[s] is not None
+            else int(np.argmax(KINDS @ still.normal(s)))
+            for s in node.stand
+        )
+        return (node.layer, *where)
+
+    def _push(self, node: _Node, delay: float = 0.0) -> None:
         labels = self.layers[node.layer].label(node.stand)
         ahead: float = min(_count_moves(labels, target) for target in self._targets)
         ahead += CARRY_COST * (self._count - node.layer)
-        heapq.heappush(self._heap, _Entry(node.spent + GREED * ahead + drawback, self._serial, node))
+        heapq.heappush(
+            self._heap, _Entry(node.spent + GREED * ahead + node.drawback + delay, self._serial, node)
+        )
         self._serial += 1
 
     def _refuse(self, refusal: str) -> None:
@@ -292,7 +335,8 @@ class AdjustmentSearch:
             for place, load in zip(still.landings(f), promise, strict=True):
                 if np.isfinite(load):
                     child = _Node(node.layer, _with(stand, f, place), node.spent + 1.0, node, f)
-                    self._push(child, LOAD_COST * float(load))
+                    child.drawback = LOAD_COST * float(load)
+                    self._push(child)
 
     def _goals(self, layer: int, finger: int) -> list[int]:
         """Return the goal contacts that a finger may take in a layer."""

@@ -26,7 +26,7 @@ from dexplan.spatial import Array
 GoalContacts = tuple[Array | None, ...]
 """Per finger the outward normal (3,) of its goal contact in object axes, None where it has to be free."""
 
-SEARCH_BUDGET = 500
+SEARCH_BUDGET = 1500
 """Nodes that one search for an adjustment may open."""
 REST_ANGLE, REST_SHIFT = float(np.radians(80.0)), 0.02
 """So much of the object's motion [rad, m] at most is left to that search."""
