@@ -28,6 +28,8 @@ DIRECTIONS = 700
 """Directions around the object at which contacts of a shift are tried."""
 SPREAD = 6
 """Placements tried per finger and partner."""
+ADVANCED = 2
+"""How many of these are chosen for how far the landing finger itself could go on."""
 LOOKED_AT = 40
 """Placements whose loads are computed to choose these."""
 APART = float(np.cos(np.radians(8.0)))
@@ -293,19 +295,31 @@ class ContactTable:
         if not len(found):
             return nothing, nothing
         beta = 0.5 * np.arccos(np.clip(cosine[found], -1.0, 1.0)) / self.beta_max
-        gain = {"carry": promise[found], "advance": rows.carry[found]}.get(one.purpose, np.zeros(len(found)))
+        gain = self._gain(one, promise[found], rows.carry[found], 0.1)
         score = gain / max(1.0, gain.max()) - 0.4 * beta
         near = found[self._spread(rows.normals[found], score, LOOKED_AT)]
         return near, promise[near]
+
+    def _gain(self, one: Landfall, lasting: NDArray[np.intp], carry: NDArray[np.intp], share: float) -> Array:
+        """Return what landings are worth (N,): how long the pair lasts, and how long the finger itself could go on."""
+        if one.purpose == "stand_in":
+            return np.zeros(len(carry))
+        own = np.minimum(carry, self.stations - one.done)
+        # The finger kept may soon be used up; what the other then has left serves the next grasp.
+        return own.astype(np.float64) if one.purpose == "advance" else lasting + share * own
 
     def _choose(
         self, one: Landfall, near: NDArray[np.intp], lasting: NDArray[np.intp], load: Array
     ) -> list[Landing]:
         """Return the best of the rows ``near``, which carry for ``lasting`` stations (-1: not at all) with ``load``."""
         rows = self.candidates[one.finger]
-        gain = {"carry": lasting, "advance": rows.carry[near]}.get(one.purpose, np.zeros(len(near)))
-        score = gain / max(1.0, gain.max(initial=1.0)) - 0.5 * load
-        best = [k for k in np.argsort(-score, kind="stable") if lasting[k] >= 0][:SPREAD]
+        best: list[int] = []
+        # Most for how long the pair lasts; some for how far the finger itself could go, as the other may soon be used up.
+        for share, count in ((0.0, SPREAD - ADVANCED), (1.0, SPREAD)):
+            gain = self._gain(one, lasting, rows.carry[near], share)
+            score = gain / max(1.0, gain.max(initial=1.0)) - 0.5 * load
+            order = [int(k) for k in np.argsort(-score, kind="stable") if lasting[k] >= 0 and k not in best]
+            best += order[: count - len(best)]
         return [Landing(rows.pick(one.finger, int(near[k])), int(lasting[k]), float(load[k])) for k in best]
 
     def _tip(self, finger: int, normals: Array) -> Array:
@@ -348,8 +362,8 @@ class ContactTable:
             asked = promise[best] if self.stations else np.zeros(len(best), dtype=np.intp)
             lasting, load = self.estimate(one.normals[i], two.normals[j], asked)
             for k in np.flatnonzero(lasting >= 0):
-                pair = (one.pick(a, int(i[k])), two.pick(b, int(j[k])))
-                found.append((float(lasting[k] - 8.0 * load[k]), pair, int(lasting[k]), float(load[k])))
+                both = (one.pick(a, int(i[k])), two.pick(b, int(j[k])))
+                found.append((float(lasting[k] - 8.0 * load[k]), both, int(lasting[k]), float(load[k])))
         found.sort(key=lambda item: -item[0])
         chosen_pairs: list[tuple[tuple[Held, ...], int, float]] = []
         taken: list[dict[int, Array]] = []

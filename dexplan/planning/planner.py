@@ -22,7 +22,7 @@ Start = tuple[Array | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
 None for a free finger.  None instead of the tuple where the planner may choose."""
 
-PATIENCE = (60, 240, 960, 3840)
+PATIENCE = (8, 24, 72, 216, 648, 1944)
 """Nodes that every route may open in one round before the next route has its turn; the last round is for the whole budget."""
 
 
@@ -124,12 +124,7 @@ class _Planning:
             if all(s.is_exhausted for s in self.searches) or self.statistics["nodes"] >= self.node_budget:
                 break
         if pair_missing:
-            return self._refuse(
-                "no_admissible_pair",
-                f"no two of the start contacts are {first.tables[0].needed_angle()}, so no finger can be lifted, and the goal "
-                "lies beyond what this grasp can do alone; the plan would have to begin with rolling, which is not built yet; "
-                f"move two contacts apart, or {CURE}",
-            )
+            return self._refuse("no_admissible_pair", self._explain_pair(first.tables[0], ""))
         if all(s.is_exhausted for s in self.searches):
             return self._refuse("no_gait", f"{first.reason}; {CURE}")
         return self._refuse(
@@ -243,5 +238,15 @@ class _Planning:
                 "start_inadmissible",
                 f"the start contacts do not hold the object: {refusal}; move them nearer to opposite, or {CURE}",
             )
+        if refusal:
+            return self._refuse("no_admissible_pair", self._explain_pair(table, refusal))
         search.begin(tuple(held))
         return None
+
+    def _explain_pair(self, table: ContactTable, refusal: str) -> str:
+        known = f" ({refusal})" if refusal else ""
+        return (
+            f"no two of the start contacts are {table.needed_angle()}, so no finger can be lifted, and the goal lies beyond "
+            f"what this grasp can do alone{known}; the plan would have to begin with rolling, which is not built yet; "
+            f"move two contacts apart, or {CURE}"
+        )

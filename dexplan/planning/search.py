@@ -30,6 +30,9 @@ STRIDE = 4
 GREED = 3.0
 """How much more a turn still to be made counts than placements already spent.  One placement is taken to be worth half of what
 a finger can carry a contact; above 1 the search looks for a good gait soon rather than for the best one at last."""
+CROWDED, FAILED = 1.0, 0.25
+"""What a node's priority loses for every one like it that was opened, or tried in vain, before: else the search would spend its
+nodes on variations of one idea."""
 CURE = "raise the friction, lower friction.safety, or use a lighter object"
 
 
@@ -38,6 +41,7 @@ class _Entry:
     priority: float
     serial: int
     node: Node = field(compare=False)
+    crowd: float = field(compare=False, default=0.0)
 
 
 class GaitSearch:
@@ -61,6 +65,7 @@ class GaitSearch:
         self._heap: list[_Entry] = []
         self._serial = 0
         self._seen: set[tuple[object, ...]] = set()
+        self._crowds: dict[tuple[object, ...], float] = {}
         self._refusals: dict[str, int] = {}
         self._worths: dict[int, float] = {}
         self.opened = 0
@@ -94,14 +99,21 @@ class GaitSearch:
         """Open up to ``nodes`` more nodes; return the one from which the goal is reached, None if there was none."""
         limit = self.opened + nodes
         while self._heap and self.opened < limit:
-            node = heapq.heappop(self._heap).node
-            key = self._key(node)
+            entry = heapq.heappop(self._heap)
+            node, key = entry.node, self._key(entry.node)
             if key in self._seen:
+                continue
+            cell = self._cell(node)
+            crowd = self._crowds.get(cell, 0.0)
+            if crowd > entry.crowd:
+                self._push(node, crowd)
                 continue
             if node.lifted is not None and (refusal := self._check_arrival(node)):
                 self._refuse(refusal)
+                self._crowds[cell] = crowd + FAILED
                 continue
             self._seen.add(key)
+            self._crowds[cell] = crowd + CROWDED
             self.opened += 1
             refusal = self._walk(node)
             if refusal:
@@ -210,8 +222,8 @@ class GaitSearch:
 
     # -- search ----------------------------------------------------------------------------------------------------------
 
-    def _push(self, node: Node) -> None:
-        heapq.heappush(self._heap, _Entry(self._rank(node), self._serial, node))
+    def _push(self, node: Node, crowd: float = 0.0) -> None:
+        heapq.heappush(self._heap, _Entry(self._rank(node) + crowd, self._serial, node, crowd))
         self._serial += 1
 
     def _key(self, node: Node) -> tuple[object, ...]:
@@ -219,6 +231,14 @@ class GaitSearch:
         table = self.tables[node.leg]
         places = frozenset((h.finger, h.orbit, table.station(h) // 2) for h in node.held)
         return node.leg, node.done // 2, places, node.pair if self._rewinds_only else ()
+
+    def _cell(self, node: Node) -> tuple[object, ...]:
+        """Return what makes two nodes much alike: progress within ten degrees or so, contacts within ten degrees or so."""
+        table = self.tables[node.leg]
+        places = frozenset(
+            (h.finger, *np.rint(6.0 * table.normal(h)).astype(int).tolist()) for h in node.held
+        )
+        return node.leg, node.done // 5, places
 
     def _refuse(self, refusal: str) -> None:
         text = without_numbers(refusal)
@@ -240,8 +260,8 @@ class GaitSearch:
         lasts = min(node.promise, *(h.left for h in node.held))
         missing = 0.0
         if ahead > lasts:
-            left = 0.5 * (lasts + max(h.left for h in node.held))
-            missing = max(0.7, (ahead - left) / self._worth(node.leg))
+            beyond = max(0, ahead - max(h.left for h in node.held))
+            missing = 0.6 + 0.5 * (ahead - lasts + beyond) / self._worth(node.leg)
             if self._rewinds_only:
                 missing = 2.0 * missing + 0.5 * self._rewind_steps(node)
         later = sum(leg.stations for leg in self.route[node.leg + 1 :] if not leg.is_shift)

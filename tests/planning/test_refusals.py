@@ -53,11 +53,13 @@ def test_start_pair_too_near_for_any_lift(problem: Problem) -> None:
     assert needed <= float(reason.split(" deg or more apart")[0].split()[-1]) < needed + 5.0
 
 
-def test_three_fingers_of_which_no_two_hold(problem: Problem) -> None:
+def test_three_fingers_of_which_no_two_hold_begin_with_rolling(problem: Problem) -> None:
     plan = pipeline.plan(start_from(problem, (0.0, 0.0), (120.0, 0.0), (240.0, 0.0)))
-    assert "rolling" in refused(plan, "no_admissible_pair")
-    # The start is known all the same, and drawn from.
+    assert plan.is_solved, plan.reason
     assert all(contact is not None for contact in plan.start_contacts)
+    kinds = [action.kind for action in plan.actions]
+    assert "roll" in kinds
+    assert kinds.index("roll") < kinds.index("lift")
 
 
 def test_start_contact_out_of_reach(problem: Problem) -> None:
@@ -72,11 +74,6 @@ def test_small_node_budget(problem: Problem) -> None:
     plan = pipeline.plan(replace(problem, gait=replace(problem.gait, node_budget=1)))
     assert "raise gait.node_budget" in refused(plan, "budget_exhausted")
     assert plan.statistics["nodes"] == 1
-
-
-def test_other_tasks_are_refused_by_name(problem: Problem) -> None:
-    other = replace(problem, goal=replace(problem.goal, kind="grasp_adjustment"))
-    assert "grasp_adjustment" in refused(pipeline.plan(other), "goal_not_supported")
 
 
 def test_goal_out_of_the_workspaces(problem: Problem) -> None:
