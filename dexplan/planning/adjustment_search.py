@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass, field, replace
-from itertools import islice, pairwise
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,24 +19,29 @@ from dexplan.planning.coordinated import ObjectMotion, follow_object, judge_carr
 from dexplan.planning.hand import HandModel
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.plan import Placement
+from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.roll import Roll
 from dexplan.planning.roll_gait import RollPlan, RollToPair
 from dexplan.planning.roll_to_goal import measure_angle, roll_all_the_way
 from dexplan.planning.states import without_numbers
-from dexplan.planning.still import Stand, StillContacts, build_landings
+from dexplan.planning.still import Stand, StillContacts, land_again
 from dexplan.scene.workspace import spread_directions
 from dexplan.spatial import Array
 
 GREED = 1.5
 """How much more moves still to be made count than those already made."""
-CARRY_COST = 0.3
-"""What a carry from pose to pose counts; a placement or a lift counts 1."""
+CARRY_COST, START_COST = 0.3, 0.4
+"""What a carry from pose to pose counts, and the first one after a relocation in addition; a placement or a lift counts 1."""
+HIDDEN = 0.45
+"""What a lift before a carry, or a placement after one, counts less where the finger travels meanwhile."""
 LOAD_COST = 0.4
 """What a landing counts in addition whose pair uses all of the believed cone."""
 SLACK = 1.02
 """The quick answer searches on a grid: a pair does not hold for sure only beyond this."""
 OPTIONS = 2
 """Ways to roll into the goal grasp, and out of the start grasp, that the search may use for every pair of fingers."""
+WIDER, FOLLOW = np.radians((0.5, 3.0, 8.0)), np.radians((0.0, 8.0))
+"""How much wider than needed a pair is rolled apart, and how far the third finger rolls along [rad]."""
 SAME = 0.5
 """How much later a grasp is opened for every one like it that has been."""
 KINDS = spread_directions(40)
@@ -100,15 +105,27 @@ def reverse_roll(roll: Roll) -> Roll:
 
 
 class _EveryPair(RollToPair):
-    """Rolls of every pair of three fingers, not only of those that are farthest apart."""
+    """Rolls of every pair of three fingers, not only of those that are farthest apart, in a few steps only."""
 
     def first_of_every_pair(self, count: int) -> list[RollPlan]:
         """Return up to ``count`` ways for every pair."""
         found: list[RollPlan] = []
         touching = [c for c in self.contacts if c is not None]
+        limits = self.hand.limits
+        beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
         for third in touching:
             a, b = (c for c in touching if c is not third)
-            found += islice(self._open(a, b, third), count)
+            now = measure_angle(a.normal_O, b.normal_O)
+            first, ways = max(np.pi - 2.0 * beta - now, 0.0), 0
+            for wider in WIDER:
+                for follow in FOLLOW:
+                    if ways < count and first + wider < np.pi - now:
+                        way, refusal = self._try(a, b, third, first + wider, follow)
+                        if way is not None:
+                            found.append(way)
+                            ways += 1
+                            break
+                        self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
         return found
 
 
@@ -117,7 +134,8 @@ class AdjustmentSearch:
     """Finds moves from the contacts ``start`` to the contacts ``goal``.
 
     The object goes through ``motion`` meanwhile; ``start`` has the postures of its beginning, ``goal`` those of its end.  None
-    is a finger that is free.  ``is_early``: goal contacts may be taken before the object is at its end.
+    is a finger that is free.  ``is_simultaneous``: goal contacts may be taken before the object is at its end, and relocations
+    next to a motion of the object are cheaper, for it will hide the finger's travel.
     """
 
     hand: HandModel
@@ -125,7 +143,7 @@ class AdjustmentSearch:
     start: Contacts
     goal: Contacts
     motion: ObjectMotion
-    is_early: bool = False
+    is_simultaneous: bool = False
     opened: int = 0
     layers: list[StillContacts] = field(default_factory=list)
     _heap: list[_Entry] = field(default_factory=list)
@@ -134,7 +152,7 @@ class AdjustmentSearch:
     _targets: dict[Labels, RollPlan | None] = field(default_factory=dict)
     _promises: dict[tuple[int, int, int], Array] = field(default_factory=dict)
     _carried: dict[tuple[int, int], tuple[int | None, list[FingerState], str]] = field(default_factory=dict)
-    _early: dict[int, list[list[int]]] = field(default_factory=dict)
+    _early: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         turns = abs(self.motion.angle) / LAYER_ANGLE
@@ -162,9 +180,10 @@ class AdjustmentSearch:
         self._begin()
         seen: set[tuple[int, Stand]] = set()
         likes: dict[tuple[object, ...], int] = {}
+        best: _Node | None = None
         while self._heap and self.opened < node_budget:
             node = heapq.heappop(self._heap).node
-            if (node.layer, node.stand) in seen:
+            if (node.layer, node.stand) in seen or (best is not None and self._bound(node) >= best.spent):
                 continue
             # Grasps like those that led nowhere come later: small variations of one idea must not use up the budget.
             kind = self._kind(node)
@@ -179,8 +198,13 @@ class AdjustmentSearch:
             likes[kind] = count + 1
             self.opened += 1
             if node.layer == self._count and self.layers[-1].label(node.stand) in self._targets:
-                return Adjustment(self._moves(node), "", self.opened)
+                best = node
+                if not self.is_simultaneous:
+                    break
+                continue
             self._expand(node)
+        if best is not None:
+            return Adjustment(self._moves(best), "", self.opened)
         common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
         reason = "; ".join(text for text, _ in common) or "no place lets another finger go"
         if self._heap:
@@ -247,10 +271,17 @@ class AdjustmentSearch:
         )
         return (node.layer, *where)
 
-    def _push(self, node: _Node, delay: float = 0.0) -> None:
+    def _missing(self, node: _Node) -> int:
+        """Return how many placements and lifts are missing at least."""
         labels = self.layers[node.layer].label(node.stand)
-        ahead: float = min(_count_moves(labels, target) for target in self._targets)
-        ahead += CARRY_COST * (self._count - node.layer)
+        return min(_count_moves(labels, target) for target in self._targets)
+
+    def _bound(self, node: _Node) -> float:
+        """Return what a way through the node counts at least."""
+        return node.spent + (1.0 - HIDDEN) * self._missing(node) + CARRY_COST * (self._count - node.layer)
+
+    def _push(self, node: _Node, delay: float = 0.0) -> None:
+        ahead = self._missing(node) + CARRY_COST * (self._count - node.layer)
         heapq.heappush(
             self._heap, _Entry(node.spent + GREED * ahead + node.drawback + delay, self._serial, node)
         )
@@ -319,7 +350,9 @@ class AdjustmentSearch:
                     self._refuse(c[2])
             if not any(c is not None and c[2] for c in carried):
                 there = tuple(None if c is None else c[0] for c in carried)
-                self._push(_Node(node.layer + 1, there, node.spent + CARRY_COST, node))
+                hidden = HIDDEN * (self.is_simultaneous and _was(node, "lift"))
+                start = START_COST * (node.parent is not None and not _was(node, "carry"))
+                self._push(_Node(node.layer + 1, there, node.spent + CARRY_COST + start - hidden, node))
         for f, spot in enumerate(stand):
             rest = [s for k, s in enumerate(stand) if s is not None and k != f]
             if spot is not None:
@@ -328,13 +361,14 @@ class AdjustmentSearch:
                 ):
                     self._push(_Node(node.layer, _with(stand, f, None), node.spent + 1.0, node, f))
                 continue
+            spent = node.spent + 1.0 - HIDDEN * (self.is_simultaneous and _was(node, "carry"))
             for place in self._goals(node.layer, f):
-                self._push(_Node(node.layer, _with(stand, f, place), node.spent + 1.0, node, f))
+                self._push(_Node(node.layer, _with(stand, f, place), spent, node, f))
             # A place between is of use only where it holds with one of the others, so that the third can go.
             promise = np.minimum.reduce([self._loads(node.layer, f, r) for r in rest])
             for place, load in zip(still.landings(f), promise, strict=True):
                 if np.isfinite(load):
-                    child = _Node(node.layer, _with(stand, f, place), node.spent + 1.0, node, f)
+                    child = _Node(node.layer, _with(stand, f, place), spent, node, f)
                     child.drawback = LOAD_COST * float(load)
                     self._push(child)
 
@@ -342,18 +376,17 @@ class AdjustmentSearch:
         """Return the goal contacts that a finger may take in a layer."""
         if layer == self._count:
             return self._wanted.get(finger, [])
-        goal = self.goal[finger]
-        if not self.is_early or goal is None:
+        if not self.is_simultaneous:
             return []
-        if layer not in self._early:
-            self._early[layer] = [[] for _ in self.goal]
-            for f, wanted in enumerate(self.goal):
-                if wanted is None:
-                    continue
-                for found in build_landings(self.hand, self.layers[layer].X_WO, f, wanted.normal_O[None]):
-                    if found is not None:
-                        self._early[layer][f].append(self.layers[layer].add(found, 0))
-        return self._early[layer][finger]
+        key = layer, finger
+        if key not in self._early:
+            still, last = self.layers[layer], self.layers[-1]
+            self._early[key] = []
+            for spot in self._wanted.get(finger, []):
+                found = land_again(self.hand, still.X_WO, last.spots[spot])
+                if found is not None:
+                    self._early[key].append(still.add(found, last.labels[spot]))
+        return self._early[key]
 
     def _loads(self, layer: int, finger: int, partner: int) -> Array:
         """Return what pairs of ``partner`` with each of a finger's landings use of the cone, now and with the object at its end.
@@ -413,6 +446,15 @@ class AdjustmentSearch:
             why = "no two of the goal contacts hold alone; they are rolled into"
             moves.append(Move("roll", None, tuple(after), self.layers[-1].X_WO, option.margins, rolls, why))
         return tuple(moves)
+
+
+def _was(node: _Node, kind: str) -> bool:
+    """Return whether the move that led to a node was a carry, or a lift."""
+    if node.parent is None:
+        return False
+    if node.parent.layer != node.layer:
+        return kind == "carry"
+    return kind == "lift" and node.changed is not None and node.stand[node.changed] is None
 
 
 def _with(stand: Stand, finger: int, spot: int | None) -> Stand:

@@ -23,6 +23,9 @@ Order = Literal["object_first", "grasp_first", "simultaneous"]
 SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 """Shares of the object's way after which the grasp is adjusted in the order "grasp first", the earliest that works."""
 
+OVERLAP = 0.3
+"""Share of the relocations that should overlap a motion of the object in the order "simultaneous"."""
+
 
 def plan_dextrous_manipulation(
     hand: HandModel,
@@ -65,14 +68,16 @@ def plan_dextrous_manipulation(
     return _plan_in_order(stages, goal, (1.0,) if order == "object_first" else SHARES)
 
 
-def _plan_in_order(stages: Stages, goal: RotationGoal, shares: tuple[float, ...]) -> Plan:
+def _plan_in_order(
+    stages: Stages, goal: RotationGoal, shares: tuple[float, ...], is_simultaneous: bool = False
+) -> Plan:
     """Return the plan that adjusts the grasp after the first of ``shares`` of the object's way at which that works."""
     whole = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
     why = ""
     for share in shares:
         before, after = whole.part(0.0, share), whole.part(share, 1.0)
         actions, first, refused = stages.run(
-            before, after, is_attitude=goal.is_attitude, is_early=share < 1.0
+            before, after, is_attitude=goal.is_attitude, is_simultaneous=is_simultaneous
         )
         if not refused:
             return stages.build_plan(KIND, goal, actions, first)
@@ -86,9 +91,19 @@ def _plan_in_order(stages: Stages, goal: RotationGoal, shares: tuple[float, ...]
 
 
 def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Callable[[Plan], float]) -> Plan:
-    """Return the quickest of both orders with free fingers travelling while the object moves."""
-    plans = [_plan_in_order(stages, goal, shares) for shares in ((1.0,), SHARES)]
+    """Return the quickest plan in which free fingers travel while the object moves.
+
+    Asked are a search that takes goal contacts on the way, and both other orders; all with their travel handed over.  Plans in
+    which enough relocations overlap come first.
+    """
+    plans = [_plan_in_order(stages, goal, (1.0,), is_simultaneous=True)]
+    plans += [_plan_in_order(stages, goal, shares) for shares in ((1.0,), SHARES)]
     solved = [overlap_travel(stages.hand, plan) for plan in plans if plan.is_solved]
     if not solved:
         return plans[0]
-    return min(solved, key=compute_duration)
+
+    def rank(plan: Plan) -> tuple[bool, float]:
+        counted = plan.statistics
+        return counted["relocations_overlapping"] < OVERLAP * counted["relocations"], compute_duration(plan)
+
+    return min(solved, key=rank)

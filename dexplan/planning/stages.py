@@ -78,11 +78,16 @@ class Stages:
         return still.judge(stand).refusal
 
     def run(
-        self, before: ObjectMotion, after: ObjectMotion, *, is_attitude: bool = True, is_early: bool = False
+        self,
+        before: ObjectMotion,
+        after: ObjectMotion,
+        *,
+        is_attitude: bool = True,
+        is_simultaneous: bool = False,
     ) -> tuple[tuple[Action, ...], Contacts, str]:
         """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
-        ``is_attitude``: any way to the end of ``before`` will do.  ``is_early``: goal contacts may be taken on the way there.
+        ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
         Returns the actions (none where it fails), the start contacts, and why it fails.
         """
         X_WO = after.X_WO_start
@@ -102,7 +107,7 @@ class Stages:
             if not refused:
                 here = follow_actions(self.hand, start, first)
                 search = AdjustmentSearch(
-                    self.hand, self.admissibility, here, goal, before.part(1.0 - rest, 1.0), is_early
+                    self.hand, self.admissibility, here, goal, before.part(1.0 - rest, 1.0), is_simultaneous
                 )
                 found = search.run(SEARCH_BUDGET)
                 self.opened += found.opened

@@ -47,6 +47,16 @@ def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) 
     ]
 
 
+def land_again(hand: HandModel, X_WO: Array, placement: Placement) -> Placement | None:
+    """Return the same contact, tip pose in the object and all, with the object at ``X_WO`` (4, 4); None out of reach."""
+    description, limits = hand.fingers[placement.finger], hand.limits
+    q, reached = hand.workspaces[placement.finger].solve((X_WO @ placement.X_OF)[None])
+    good = reached[0] and compute_joint_margin(description.chain, q[0]) >= limits.joint_margin
+    if not good or compute_dexterity(description.chain, q[0]) < limits.dexterity:
+        return None
+    return replace(placement, q=q[0])
+
+
 def spin_tip(hand: HandModel, placement: Placement, angle: float) -> Placement:
     """Return the placement with the tip turned about its pole by the last joint's ``angle`` [rad]."""
     chain = hand.fingers[placement.finger].chain
