@@ -6,7 +6,7 @@ here besides is the geometry of rolling: where the contact and the tip ended aga
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -15,6 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
 from dexplan.contact.manoeuvre import RollingTriangle
+from dexplan.errors import DexplanError
+from dexplan.planning.admissible import Admissibility
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
 from dexplan.planning.roll import Roll
@@ -26,8 +28,10 @@ from dexplan.sim.trace import Trace
 from dexplan.sim.validate import ValidationReport
 from dexplan.spatial import Array, build_frame
 
-START_DEG = ((-38.0, 0.0), (102.0, 0.0), (240.0, 0.0))
-"""Two fingers hold the ball; the third stands in front of its base, where it has most room, and rolls."""
+HOLDING_DEG = ((-38.0, 0.0), (102.0, 0.0))
+"""Where two fingers hold the ball."""
+PLACES_DEG = ((240.0, 0.0), (226.0, 0.0), (212.0, 0.0))
+"""Where the third finger starts to roll: in front of its base, or aside, where its links get out of each other's way."""
 ROLLING_FINGER = 2
 
 
@@ -35,13 +39,15 @@ ROLLING_FINGER = 2
 class RollTrial:
     """What one trial measured; angles in degrees, lengths in millimetres.
 
-    ``verdict`` of the validator and its ``failures``; ``net_mm`` how far the contact came on the ball along the straight way
-    from start to end, ``net_planned_mm`` by theory; ``spin_deg`` the tip's turn about the contact normal relative to parallel
-    transport, ``spin_planned_deg``; ``contact_error_deg`` the largest distance of the contact from its planned way;
-    ``slip_mm`` the length of the contact's sliding, ``rolled_mm`` of its way; ball errors over the whole run.
+    ``place_deg`` azimuth and elevation of the start; ``verdict`` of the validator and its ``failures``; ``net_mm`` how far the
+    contact came on the ball along the straight way from start to end, ``net_planned_mm`` by theory; ``spin_deg`` the tip's turn
+    about the contact normal relative to parallel transport, ``spin_planned_deg``; ``contact_error_deg`` the validator's
+    ``roll_path_error_max``; ``slip_mm`` the length of the contact's sliding, ``rolled_mm`` of its way; ball errors over the
+    whole run.
     """
 
     heading_deg: float
+    place_deg: tuple[float, float]
     verdict: str
     failures: tuple[str, ...]
     net_mm: float
@@ -59,11 +65,13 @@ class RollTrial:
         return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
 
 
-def build_roll_problem(profile: str = "firm", **changes: object) -> Problem:
+def build_roll_problem(
+    profile: str = "firm", place_deg: tuple[float, float] = PLACES_DEG[0], **changes: object
+) -> Problem:
     """Return the problem of holding the ball still with all three fingers; ``changes`` as in ``load_problem``."""
+    contacts = [list(c) for c in (*HOLDING_DEG, place_deg)]
     return load_problem(
-        "hold_three",
-        {"start.contacts_deg": [list(c) for c in START_DEG], "control.physics_profile": profile, **changes},
+        "hold_three", {"start.contacts_deg": contacts, "control.physics_profile": profile, **changes}
     )
 
 
@@ -73,40 +81,67 @@ def compute_heading(placement: Placement, heading: float) -> Array:
     return np.asarray(np.cos(heading) * R[:, 0] + np.sin(heading) * R[:, 1])
 
 
-def build_roll_plan(problem: Problem, legs: Sequence[Roll]) -> tuple[Plan | None, str]:
-    """Return the plan that holds, rolls one finger leg by leg and holds; or None and why the finger cannot follow."""
-    hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
-    plan = pipeline.plan(problem)
-    if not plan.is_solved:
-        return None, plan.reason
-    first, last = plan.actions[0], plan.actions[-1]
-    contacts, actions = list(plan.start_contacts), [first]
-    for leg in legs:
-        before = contacts[leg.finger]
-        assert before is not None
-        q, refusal = follow_roll(hand, plan.X_WO_start, leg, before.q)
-        refusal = refusal or _find_clash(hand, plan.X_WO_start, contacts, leg, q)
-        if refusal:
-            return None, refusal
-        contacts[leg.finger] = end_placement(leg, before, q[-1])
-        actions.append(_build_action(first, tuple(contacts), leg))
-    actions.append(replace(last, contacts_end=tuple(contacts)))
-    return replace(plan, actions=tuple(actions), status=SOLVED), ""
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """The hand holding the ball with three fingers, ready for one of them to roll."""
+
+    problem: Problem
+    place_deg: tuple[float, float]
+    hand: HandModel
+    plan: Plan
+
+    @classmethod
+    def build(cls, problem: Problem, place_deg: tuple[float, float] = PLACES_DEG[0]) -> Stand:
+        """Return the stand of a problem that holds still.  Raises DexplanError where its start does not hold."""
+        plan = pipeline.plan(problem)
+        if not plan.is_solved:
+            raise DexplanError(
+                f"the start does not hold the ball ({plan.reason}); contacts that hold it are accepted"
+            )
+        return cls(problem, place_deg, pipeline.build_hand(problem, pipeline.build_scene(problem)), plan)
+
+    @property
+    def start(self) -> Placement:
+        """Where the rolling finger touches."""
+        start = self.plan.start_contacts[ROLLING_FINGER]
+        assert start is not None
+        return start
+
+    def plan_roll(self, legs: Sequence[Roll]) -> tuple[Plan | None, str]:
+        """Return the plan that holds, rolls one finger leg by leg and holds; or None and why the hand cannot do it."""
+        first, last = self.plan.actions[0], self.plan.actions[-1]
+        contacts, actions = list(self.plan.start_contacts), [first]
+        judge = Admissibility(self.hand)
+        for leg in legs:
+            before = contacts[leg.finger]
+            assert before is not None
+            q, refusal = follow_roll(self.hand, self.plan.X_WO_start, leg, before.q)
+            refusal = refusal or self._check(judge, contacts, leg, q)
+            if refusal:
+                return None, refusal
+            contacts[leg.finger] = end_placement(leg, before, q[-1])
+            actions.append(_build_action(first, tuple(contacts), leg))
+        actions.append(replace(last, contacts_end=tuple(contacts)))
+        return replace(self.plan, actions=tuple(actions), status=SOLVED), ""
+
+    def _check(self, judge: Admissibility, contacts: list[Placement | None], leg: Roll, q: Array) -> str:
+        """Return why the hand cannot carry a state on the way, "" if it can carry them all."""
+        posture = self.hand.q_home
+        for c in contacts:
+            if c is not None:
+                posture[c.finger] = c.q
+        holding = tuple(c.finger for c in contacts if c is not None)
+        for row in q:
+            posture[leg.finger] = row
+            margins = judge.compute_margins(posture, self.plan.X_WO_start, holding)
+            if not margins.is_admissible:
+                return margins.refusal
+        return ""
 
 
-def _find_clash(hand: HandModel, X_WO: Array, contacts: list[Placement | None], leg: Roll, q: Array) -> str:
-    """Return which bodies come too near on the way, "" if none do."""
-    posture = hand.q_home
-    touching = tuple(c.finger for c in contacts if c is not None)
-    for c in contacts:
-        if c is not None:
-            posture[c.finger] = c.q
-    for row in q:
-        posture[leg.finger] = row
-        clearance, names = hand.probe.compute_clearance(posture, X_WO, touching)
-        if clearance < hand.limits.clearance:
-            return f"{names} come within {1e3 * clearance:.1f} mm"
-    return ""
+def build_stands(profile: str) -> list[Stand]:
+    """Return the stands of all places from which the finger may start to roll."""
+    return [Stand.build(build_roll_problem(profile, place), place) for place in PLACES_DEG]
 
 
 def _build_action(hold: Action, contacts: tuple[Placement | None, ...], leg: Roll) -> Action:
@@ -129,58 +164,65 @@ class Refusal:
 
 
 def sweep_straight(
-    problem: Problem, angle: float, headings_deg: Sequence[float]
+    stands: Sequence[Stand], angle: float, headings_deg: Sequence[float]
 ) -> Iterator[RollTrial | Refusal]:
-    """Yield a straight roll over ``angle`` [rad] of the ball for every heading that the finger can follow."""
-    start = _find_start(problem)
-    hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
+    """Yield a straight roll over ``angle`` [rad] of the ball for every heading that the hand can do from one of its places."""
     count = max(25, int(np.ceil(np.degrees(angle))) + 1)
+
+    def build(stand: Stand, heading: float) -> list[list[Roll]]:
+        return [[build_roll(stand.hand, stand.start, compute_heading(stand.start, heading), angle, count)]]
+
     for heading in headings_deg:
-        leg = build_roll(hand, start, compute_heading(start, np.radians(heading)), angle, count)
-        yield _try(problem, [[leg]], heading)
+        yield _try(stands, build, heading)
 
 
 def sweep_triangles(
-    problem: Problem, leg: float, apex: float, headings_deg: Sequence[float]
+    stands: Sequence[Stand], leg: float, apex: float, headings_deg: Sequence[float]
 ) -> Iterator[RollTrial | Refusal]:
-    """Yield a rolling triangle of ``leg`` and ``apex`` [rad] towards every heading that the finger can follow.
+    """Yield a rolling triangle of ``leg`` and ``apex`` [rad] towards every heading that the hand can do from one of its places.
 
-    Where the finger cannot follow a triangle it may still follow its mirror image, which gets as far.
+    Where a triangle cannot be followed its mirror image may still be, which gets as far.
     """
-    start = _find_start(problem)
-    radius = float(np.linalg.norm(start.point_O))
-    triangle = RollingTriangle(problem.hand.tip_radii_m[start.finger], radius, leg, apex)
-    for heading in headings_deg:
-        direction = compute_heading(start, np.radians(heading))
+
+    def build(stand: Stand, heading: float) -> list[list[Roll]]:
+        start, radius = stand.start, float(np.linalg.norm(stand.start.point_O))
+        triangle = RollingTriangle(stand.problem.hand.tip_radii_m[start.finger], radius, leg, apex)
+        direction = compute_heading(start, heading)
         paths = [t.roll(start.X_OF, direction, 181) for t in (triangle, triangle.mirrored)]
-        yield _try(problem, [[as_roll(start.finger, p, k) for k in range(3)] for p in paths], heading)
+        return [[as_roll(start.finger, path, k) for k in range(3)] for path in paths]
+
+    for heading in headings_deg:
+        yield _try(stands, build, heading)
 
 
-def _find_start(problem: Problem) -> Placement:
-    start = pipeline.plan(problem).start_contacts[ROLLING_FINGER]
-    assert start is not None
-    return start
-
-
-def _try(problem: Problem, ways: list[list[Roll]], heading: float) -> RollTrial | Refusal:
-    """Run the first of several ways that the finger can follow."""
+def _try(
+    stands: Sequence[Stand], build: Callable[[Stand, float], list[list[Roll]]], heading_deg: float
+) -> RollTrial | Refusal:
+    """Run the first way that the hand can do, place after place."""
     reason = ""
-    for legs in ways:
-        plan, why = build_roll_plan(problem, legs)
-        if plan is not None:
-            return run_trial(problem, plan, heading)[0]
-        reason = reason or why
-    return Refusal(heading, reason)
+    for stand in stands:
+        for legs in build(stand, float(np.radians(heading_deg))):
+            plan, why = stand.plan_roll(legs)
+            if plan is not None:
+                return run_trial(stand, plan, heading_deg)
+            reason = reason or why
+    return Refusal(heading_deg, reason)
 
 
-def run_trial(problem: Problem, plan: Plan, heading_deg: float) -> tuple[RollTrial, Trace, ValidationReport]:
+def run_trial(stand: Stand, plan: Plan, heading_deg: float) -> RollTrial:
     """Simulate and judge ``plan`` and measure how its finger rolled."""
-    trace = pipeline.rollout(problem, plan)
-    report = pipeline.validate(problem, plan, trace)
-    return measure_trial(plan, trace, report, heading_deg), trace, report
+    trace = pipeline.rollout(stand.problem, plan)
+    report = pipeline.validate(stand.problem, plan, trace)
+    return measure_trial(plan, trace, report, heading_deg, stand.place_deg)
 
 
-def measure_trial(plan: Plan, trace: Trace, report: ValidationReport, heading_deg: float) -> RollTrial:
+def measure_trial(
+    plan: Plan,
+    trace: Trace,
+    report: ValidationReport,
+    heading_deg: float,
+    place_deg: tuple[float, float] = PLACES_DEG[0],
+) -> RollTrial:
     """Return what a run of one rolling finger shows, from a replay of its controls."""
     legs = [roll for action in plan.actions for roll in action.rolls]
     finger, steps = legs[0].finger, int(trace["physics_steps_per_sample"])
@@ -203,6 +245,7 @@ def measure_trial(plan: Plan, trace: Trace, report: ValidationReport, heading_de
 
     return RollTrial(
         heading_deg=heading_deg,
+        place_deg=place_deg,
         verdict=report.verdict,
         failures=tuple(check.name for check in report.failures),
         net_mm=1e3 * radius * _angle(normals[first], normals[last]),

@@ -20,8 +20,7 @@ from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace
 from dexplan.witness.rolling import (
-    ROLLING_FINGER,
-    build_roll_plan,
+    Stand,
     build_roll_problem,
     compute_heading,
     measure_trial,
@@ -38,10 +37,9 @@ def problem() -> Problem:
 @pytest.fixture(scope="module")
 def plan(problem: Problem) -> Plan:
     """Return the plan in which finger 3 rolls 20 degrees along the ball while the others hold."""
-    hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
-    start = pipeline.plan(problem).start_contacts[ROLLING_FINGER]
-    assert start is not None
-    plan, why = build_roll_plan(problem, [build_roll(hand, start, compute_heading(start, 0.6), ANGLE, 25)])
+    stand = Stand.build(problem)
+    heading = compute_heading(stand.start, 0.6)
+    plan, why = stand.plan_roll([build_roll(stand.hand, stand.start, heading, ANGLE, 25)])
     assert plan is not None, why
     return plan
 
