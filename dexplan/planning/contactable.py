@@ -3,6 +3,7 @@
 A finger touches along an outward normal n when its tip's pole points along -n (the spin about the pole is free: the last joint
 turns it).  That leaves five equations for the other joints.  The field is the smallest of what the finger then has to spare:
 joint range, dexterity, and the angle to the border of what lies before the finger; its zero level is the border of CWS_i.
+A finger with a spherical wrist is answered in closed form, any other by Newton steps from sampled postures.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from dexplan.planning.icosphere import Icosphere, build_icosphere
 from dexplan.planning.pointing import can_point, is_same_finger, move_to_base, solve_pointing
 from dexplan.planning.spherical import FINE, LevelSet
+from dexplan.planning.spherical_wrist import Branch, SphericalWrist, find_spherical_wrist
 from dexplan.scene.chain import compute_dexterity, compute_joint_margin, wrap_to_limits
 from dexplan.scene.workspace import Workspace, compute_aligned_pose
 from dexplan.spatial import Array, read_only
@@ -35,6 +37,10 @@ CLIFF = 0.15
 """A margin this far below zero next to one above it is taken for another branch [rad]."""
 PASSES = 2
 """Rounds per level in which a border that runs on into triangles not asked about is followed."""
+CLOSE = 1e-5
+"""Tolerance of exact answers."""
+HOPELESS = 0.15
+"""Where the joints are this far beyond what they may, nobody asks for the dexterity [rad]."""
 _JUMP = 0.5
 """Postures of neighbours that differ more than this lie on different branches [rad]."""
 
@@ -83,7 +89,8 @@ class Contactable:
     """CWS_i of one finger on a sphere at one position, over the directions of ``grid``, in the axes of the workspace.
 
     ``margin`` (V,) is the field [rad], positive inside; values far from its zero level are interpolated.  ``postures`` (V, J)
-    [rad] touch at the vertices of ``is_solved`` (V,).  ``front`` (3,) is the finger's own direction.
+    [rad] touch at the vertices of ``is_solved`` (V,); a finger in closed form keeps none.  ``front`` (3,) is the finger's own
+    direction.
     """
 
     grid: Icosphere
@@ -99,6 +106,11 @@ class Contactable:
         """Return the field (N,) [rad] at unit vectors (N, 3) exactly: the inverse kinematics is solved there."""
         margin = np.full(len(directions), -SIGHT)
         near = np.flatnonzero(directions @ self.front > np.cos(SIGHT))
+        workspace = self.finger.workspace
+        if find_spherical_wrist(workspace.chain) is not None:
+            if len(near) and len(workspace.postures):
+                margin[near] = self._ask(directions[near], np.zeros((len(near), workspace.chain.n_joints)))
+            return margin
         if len(near) and len(self._solved):
             d = directions[near]
             seeds = self.postures[self._solved[np.argmax(d @ self._solved_vertices, axis=1)]]
@@ -107,14 +119,14 @@ class Contactable:
             rows = near[margin[near] < 0.0]
             if len(rows):
                 d = directions[rows]
-                seeds = self.finger.workspace.find_seeds(self.center + self.finger.distance * d, -d)
+                seeds = workspace.find_seeds(self.center + self.finger.distance * d, -d)
                 margin[rows] = np.maximum(margin[rows], self._ask(d, seeds))
         return margin
 
     def _ask(self, directions: Array, seeds: Array) -> Array:
         unknown = np.full(len(directions), np.nan)
         question = Question(
-            self.finger, self.limits, self.center, self.front, directions, seeds, 12, 1e-5, unknown
+            self.finger, self.limits, self.center, self.front, directions, seeds, 12, CLOSE, unknown
         )
         return _answer([question])[0][0]
 
@@ -133,7 +145,12 @@ def compute_contactable(
 ) -> tuple[LevelSet, ...]:
     """Return CWS_i of every finger on a sphere about ``center`` (3,) [m], in the axes of the workspaces; the last are kept."""
     # Every finger's grid is refined by itself; their questions are answered together.
-    work = [_refine(finger, limits, np.array(center)) for finger in fingers]
+    work = [
+        (_refine if find_spherical_wrist(finger.workspace.chain) is None else _refine_closed)(
+            finger, limits, np.array(center)
+        )
+        for finger in fingers
+    ]
     asked = dict(enumerate(map(next, work)))
     done: dict[int, Contactable] = {}
     while asked:
@@ -219,6 +236,45 @@ def _refine(
     )  # fmt: skip
 
 
+def _refine_closed(
+    finger: Toucher, limits: ContactLimits, center: Array
+) -> Generator[Question | None, Answer | None, Contactable]:
+    """Build the field of a finger that needs no postures to start from; as :func:`_refine`."""
+    grid, joints = build_icosphere(COARSE), finger.workspace.chain.n_joints
+    front = np.array(finger.home) - center
+    front /= np.linalg.norm(front)
+    margin = SIGHT - np.arccos(np.clip(grid.vertices @ front, -1.0, 1.0))
+    dexterity = np.full(len(margin), np.nan)
+    exact = margin < -1.2 * grid.spacing
+    if not len(finger.workspace.postures):
+        yield None  # nothing is reached, so there is nothing to ask
+        margin, exact = np.full(len(build_icosphere(FINE).vertices), -SIGHT), exact[:0]
+    for level in range(COARSE, FINE + 1) if len(exact) else ():
+        if level > COARSE:
+            grid = build_icosphere(level)
+            margin, dexterity = grid.extend(margin), grid.extend(dexterity)
+            exact = grid.vertices @ front < np.cos(SIGHT + 1.2 * grid.spacing)
+        # The first level asks everywhere, the others in triangles that a border may cross, and then where it runs on.
+        for _ in range(1 if level == COARSE else PASSES):
+            rows = np.flatnonzero(~exact & (True if level == COARSE else grid.find_crossed(margin, NEAR)))
+            if not len(rows):
+                break
+            # Between far from singular postures it stays so: what decides is the joints.
+            known = dexterity[rows]
+            known[~(known > limits.dexterity + CALM)] = np.nan
+            answer = yield Question(
+                finger, limits, center, front, grid.vertices[rows], np.zeros((len(rows), joints)), 1, 1.0, known
+            )  # fmt: skip
+            assert answer is not None
+            margin[rows], _, _, dexterity[rows] = answer
+            exact[rows] = True
+    grid, count = build_icosphere(FINE), len(margin)
+    return Contactable(
+        grid, finger, limits, read_only(center), read_only(front), read_only(margin),
+        np.zeros((0, joints)), np.zeros(count, dtype=bool),
+    )  # fmt: skip
+
+
 def _answer(questions: list[Question]) -> list[Answer]:
     """Answer questions; those of equal fingers, wherever they stand, in one go."""
     found: dict[int, tuple[Array, NDArray[np.bool_], Array]] = {}
@@ -231,7 +287,10 @@ def _answer(questions: list[Question]) -> list[Answer]:
             if is_same_finger(chain, questions[n].finger.workspace.chain)
             and questions[n].iterations == questions[left[0]].iterations
         ]
-        if can_point(chain):
+        wrist = find_spherical_wrist(chain)
+        if wrist is not None:
+            found |= _solve_closed(wrist, {n: questions[n] for n in group})
+        elif can_point(chain):
             goals = [
                 move_to_base(
                     questions[n].finger.workspace.chain,
@@ -266,6 +325,58 @@ def _answer(questions: list[Question]) -> list[Answer]:
     return [_judge(question, *found[n]) for n, question in enumerate(questions)]
 
 
+def _solve_closed(
+    wrist: SphericalWrist, questions: dict[int, Question]
+) -> dict[int, tuple[Array, NDArray[np.bool_], Array]]:
+    """Return postures, whether reached, and dexterity of every question, in closed form on the branches that are sampled."""
+    asks = list(questions.values())
+    chains = [ask.finger.workspace.chain for ask in asks]
+    goals = [
+        move_to_base(chain, ask.center + ask.finger.distance * ask.directions, -ask.directions)
+        for ask, chain in zip(asks, chains, strict=True)
+    ]
+    positions, poles = (np.concatenate(part) for part in zip(*goals, strict=True))
+    ends = np.cumsum([len(ask.directions) for ask in asks])
+    parts = [slice(end - len(ask.directions), end) for ask, end in zip(asks, ends, strict=True)]
+    spare = np.full(len(positions), -np.inf)
+    postures, reached = np.zeros((6, len(positions))), np.zeros(len(positions), dtype=bool)
+    own = [_find_branches(ask.finger.workspace) for ask in asks]
+    for branch in dict.fromkeys(branch for branches in own for branch in branches):
+        q, exists = wrist.solve(positions, poles, branch)
+        margin = np.full(len(positions), -np.inf)
+        for part, chain, branches in zip(parts, chains, own, strict=True):
+            if branch not in branches:
+                continue
+            lower, upper = chain.lower[:5, None], chain.upper[:5, None]
+            margin[part] = np.minimum(q[:5, part] - lower, upper - q[:5, part]).min(axis=0)
+        # The branch that leaves the joints more room.
+        better = exists & (margin > spare)
+        if better.all():
+            postures, reached, spare = q, exists, margin
+        else:
+            postures[:, better], spare[better] = q[:, better], margin[better]
+            reached |= better
+    # Not a number where nobody asks: there the joints decide, or it is known.
+    dexterity = np.full(len(positions), np.nan)
+    limit = np.concatenate([np.full(len(ask.directions), ask.limits.joint_margin) for ask in asks])
+    rows = reached & np.isnan(np.concatenate([ask.dexterity for ask in asks])) & (spare > limit - HOPELESS)
+    dexterity[rows] = wrist.compute_dexterity(postures[:, rows])
+    q = postures.T
+    for part, ask, chain in zip(parts, asks, chains, strict=True):
+        if ask.tolerance <= CLOSE:
+            near = np.flatnonzero(rows[part])
+            dexterity[part][near] = compute_dexterity(chain, q[part][near])
+    return {n: (q[part], reached[part], dexterity[part]) for n, part in zip(questions, parts, strict=True)}
+
+
+@lru_cache(maxsize=24)
+def _find_branches(workspace: Workspace) -> tuple[Branch, ...]:
+    """Return the branches of the closed form that sampled postures lie on."""
+    wrist = find_spherical_wrist(workspace.chain)
+    assert wrist is not None
+    return wrist.find_branches(workspace.postures)
+
+
 def _judge(question: Question, q: Array, reached: NDArray[np.bool_], dexterity: Array) -> Answer:
     """Return what postures (N, J) have to spare."""
     chain, limits = question.finger.workspace.chain, question.limits
@@ -273,7 +384,7 @@ def _judge(question: Question, q: Array, reached: NDArray[np.bool_], dexterity: 
     q = wrap_to_limits(chain, q)
     if can_point(chain) or chain.has_tip_roll:
         q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
-    margin = np.minimum(compute_joint_margin(chain, q) - limits.joint_margin, dexterity - limits.dexterity)
+    margin = np.fmin(compute_joint_margin(chain, q) - limits.joint_margin, dexterity - limits.dexterity)
     # Beyond the last posture the dexterity counts as zero: what is not reached lies behind a singular posture.
     margin = np.where(reached, margin, -max(limits.dexterity, 0.05))
     off = SIGHT - np.arccos(np.clip(question.directions @ question.front, -1.0, 1.0))

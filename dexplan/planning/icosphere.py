@@ -195,16 +195,13 @@ class Arcs:
 
     def find_nearest(self, directions: Array) -> tuple[Array, Array, Indices]:
         """Return the nearest points (N, 3) to unit vectors (N, 3), their distances (N,) [rad], and the arcs they lie on (N,)."""
-        # All products, in pieces that fit a cache: faster than a tree, which borders around a point defeat, and than a matrix
-        # product, which wakes a thread per core for next to nothing.
+        # All products, in pieces that fit a cache and are too small for the matrix product to wake a thread per core: faster
+        # than a tree, which borders around a point defeat.
         nearest = np.empty(len(directions), dtype=np.intp)
-        x, y, z = self._middles
-        for first in range(0, len(directions), 128):
-            d = directions[first : first + 128].astype(np.float32)
-            cosine = d[:, :1] * x
-            cosine += d[:, 1:2] * y
-            cosine += d[:, 2:] * z
-            nearest[first : first + 128] = cosine.argmax(axis=1)
+        d, middles = directions.astype(np.float32), self._middles
+        size = max(8, 60000 // middles.shape[1])
+        for first in range(0, len(directions), size):
+            nearest[first : first + size] = (d[first : first + size] @ middles).argmax(axis=1)
         points, distance = self.project(directions, nearest)
         return points, distance, nearest
 
