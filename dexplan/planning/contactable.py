@@ -360,12 +360,11 @@ def _solve_closed(
     dexterity = np.full(len(positions), np.nan)
     limit = np.concatenate([np.full(len(ask.directions), ask.limits.joint_margin) for ask in asks])
     rows = reached & np.isnan(np.concatenate([ask.dexterity for ask in asks])) & (spare > limit - HOPELESS)
-    dexterity[rows] = wrist.compute_dexterity(postures[:, rows])
     q = postures.T
-    for part, ask, chain in zip(parts, asks, chains, strict=True):
-        if ask.tolerance <= CLOSE:
-            near = np.flatnonzero(rows[part])
-            dexterity[part][near] = compute_dexterity(chain, q[part][near])
+    if all(ask.tolerance <= CLOSE for ask in asks):
+        dexterity[rows] = compute_dexterity(asks[0].finger.workspace.chain, q[rows])
+    else:
+        dexterity[rows] = wrist.compute_dexterity(postures[:, rows])
     return {n: (q[part], reached[part], dexterity[part]) for n, part in zip(questions, parts, strict=True)}
 
 
