@@ -150,7 +150,7 @@ class Rotation:
 @dataclass(frozen=True)
 class GoalSection:
     """The goal; at most one of ``rotation`` and ``orientation_wxyz`` (a goal attitude, shortest way) is
-    given.
+    given.  A file may say ``orientation_wxyz = "random"``: reading draws the numbers from the problem's seed.
     """
 
     kind: Literal["object_manipulation", "grasp_adjustment", "dextrous_manipulation"] = "object_manipulation"
@@ -166,7 +166,7 @@ class GoalSection:
 
 @dataclass(frozen=True)
 class GaitSection:
-    """What the planner may use, and how many search nodes it may open."""
+    """What the planner may use (no ``primitives``: the contacts stay fixed), and how many search nodes it may open."""
 
     primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution", "rewind")
     node_budget: int = 200_000

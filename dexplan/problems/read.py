@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import msgspec
+import numpy as np
 
 from dexplan.errors import ProblemError, UnknownNameError
 from dexplan.problems.check import check_problem
@@ -28,6 +29,9 @@ __all__ = ["build_problem", "list_problems", "load_problem", "read_problem_file"
 
 LARGEST_FILE = 1 << 20
 """A problem file is a page of text; more than this many bytes is something else."""
+
+RANDOM = "random"
+"""A goal attitude that is drawn from the problem's seed."""
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -127,6 +131,7 @@ def _build(data: dict[str, Any], source: str, default_name: str) -> Problem:
         raise ProblemError(source, "goal", "missing" if "goal" not in data else "says nothing", accepted)
     data.setdefault("name", default_name)
     _check_goal_says_something(data["goal"], source)
+    _draw_orientation(data)
     _flatten_joint_ranges(data, source)
     data["acceptance"] = _resolve_acceptance(data.get("acceptance", {}), source)
     problem = _convert(data, source)
@@ -147,6 +152,18 @@ def _check_goal_says_something(goal: Any, source: str) -> None:
     ):
         accepted = "accepted: rotation, orientation_wxyz, translation_m or contacts_deg"
         raise ProblemError(source, "goal", "names no goal", accepted)
+
+
+def _draw_orientation(data: dict[str, Any]) -> None:
+    """Put a goal attitude, uniform over all rotations and drawn from the problem's seed, in the place of "random"."""
+    goal, seed = data["goal"], data.get("seed", 0)
+    if not (isinstance(goal, dict) and goal.get("orientation_wxyz") == RANDOM):
+        return
+    # A seed that is none is refused later by its own name, whatever is drawn here.
+    rng = np.random.default_rng(seed if type(seed) is int and seed >= 0 else 0)
+    quaternion = rng.normal(size=4)
+    quaternion *= np.copysign(1.0, quaternion[0]) / np.linalg.norm(quaternion)
+    data["goal"] = {**goal, "orientation_wxyz": quaternion.tolist()}
 
 
 def _nested_class(annotation: Any) -> type | None:
