@@ -20,8 +20,12 @@ from dexplan.planning.stages import GoalContacts, Stages, rest_at
 from dexplan.spatial import Array
 
 KIND = "grasp_adjustment"
-TURNS = 6
+TURNS = 3
 """Turns of the object that are tried before the goal is given up."""
+OPEN = "the goal contacts are not force closed with the believed friction"
+CURE = "move two of them nearer to opposite, raise the friction, or lower friction.safety"
+TURN_BUDGET = 300
+"""Nodes that the search may open for each of them."""
 
 
 def plan_grasp_adjustment(
@@ -43,6 +47,8 @@ def plan_grasp_adjustment(
     stay = RotationGoal(X_WO, VERTICAL, 0.0)
     if stages.start_refusal:
         return stages.refuse(KIND, stay, stages.hold.status, stages.hold.reason)
+    if not stages.is_goal_closed:
+        return stages.refuse(KIND, stay, "goal_grasp_inadmissible", f"{OPEN}; {CURE}")
     contacts, missing = stages.land_goal(X_WO)
     refusal = "" if missing else stages.refuse_goal(X_WO, contacts)
     why = ""
@@ -72,7 +78,7 @@ def plan_grasp_adjustment(
         there = motion.X_WO_end
         back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
         gait = RotationGoal.from_attitude(X_WO, there[:3, :3])
-        actions, first, refused = stages.run(motion, back)
+        actions, first, refused = stages.run(motion, back, budget=TURN_BUDGET)
         if not refused:
             goal_pose = stay if keep_object else gait
             return stages.build_plan(KIND, goal_pose, actions, first)

@@ -32,21 +32,17 @@ def build_journey(
 ) -> Array:
     """Return the postures (K, J) of a finger that travels while the object goes through ``motion``.
 
-    It starts at the hover posture ``leaves`` (J,) over where the object is at first, goes home, and on to the hover posture
-    ``comes`` over where the object ends; None: home.  At progress s of the object it has done ``smooth_step(s)`` of its way.
+    It starts at the hover posture ``leaves`` (J,) over where the object is at first and ends at the hover posture ``comes`` over
+    where the object ends; None: home.  At progress s of the object it has done ``smooth_step(s)`` of its way.
     """
-    parts = []
+    centers = motion.X_WO_start[:3, 3], motion.X_WO_end[:3, 3]
+    if leaves is not None and comes is not None:
+        # Straight on, without the detour by home: the arc stays as far off the object as both hovers are.
+        return build_travel(finger, leaves, comes, 0.5 * (centers[0] + centers[1]))
     if leaves is not None:
-        parts.append(build_travel(finger, finger.q_home, leaves, motion.X_WO_start[:3, 3])[::-1])
-    if comes is not None:
-        parts.append(build_travel(finger, finger.q_home, comes, motion.X_WO_end[:3, 3]))
-    if len(parts) < 2:
-        return parts[0]
-    way = np.concatenate([parts[0], parts[1][1:]])
-    # Even in what the fastest joint has to do.
-    length = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(way, axis=0)).max(axis=1))])
-    even = np.linspace(0.0, length[-1], len(way))
-    return np.stack([np.interp(even, length, column) for column in way.T], axis=1)
+        return build_travel(finger, finger.q_home, leaves, centers[0])[::-1]
+    assert comes is not None
+    return build_travel(finger, finger.q_home, comes, centers[1])
 
 
 def overlap_travel(hand: HandModel, plan: Plan) -> Plan:

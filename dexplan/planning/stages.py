@@ -11,6 +11,8 @@ from typing import Literal
 
 import numpy as np
 
+from dexplan.grasp.closure import check_force_closure
+from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.adjustment_search import AdjustmentSearch
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
@@ -21,13 +23,15 @@ from dexplan.planning.plan import SOLVED, Action, Placement, Plan
 from dexplan.planning.planner import Start, plan_rotation
 from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.planning.still import StillContacts, build_landings
-from dexplan.spatial import Array
+from dexplan.spatial import Array, build_frame
 
 GoalContacts = tuple[Array | None, ...]
 """Per finger the outward normal (3,) of its goal contact in object axes, None where it has to be free."""
 
 SEARCH_BUDGET = 1500
 """Nodes that one search for an adjustment may open."""
+GAIT_BUDGET = 2000
+"""Nodes that the gait before it may open."""
 REST_ANGLE, REST_SHIFT = float(np.radians(80.0)), 0.02
 """So much of the object's motion [rad, m] at most is left to that search."""
 
@@ -71,6 +75,17 @@ class Stages:
                 missing.append(self.hand.fingers[finger].name)
         return tuple(found), " and ".join(missing)
 
+    @property
+    def is_goal_closed(self) -> bool:
+        """Whether the goal contacts are force closed with the believed friction: a question of the object alone."""
+        surface, friction = self.hand.object.surface, self.hand.friction
+        contacts = tuple(
+            Contact(f, surface.closest(n), build_frame(-n), friction)
+            for f, n in enumerate(self.goal)
+            if n is not None
+        )
+        return check_force_closure(Grasp(contacts)).is_closed
+
     def refuse_goal(self, X_WO: Array, contacts: Contacts) -> str:
         """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); "" where it can."""
         still = StillContacts(self.hand, X_WO, self.admissibility)
@@ -84,10 +99,12 @@ class Stages:
         *,
         is_attitude: bool = True,
         is_simultaneous: bool = False,
+        budget: int = SEARCH_BUDGET,
     ) -> tuple[tuple[Action, ...], Contacts, str]:
         """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
         ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
+        ``budget`` bounds the nodes of every search.
         Returns the actions (none where it fails), the start contacts, and why it fails.
         """
         X_WO = after.X_WO_start
@@ -109,7 +126,7 @@ class Stages:
                 search = AdjustmentSearch(
                     self.hand, self.admissibility, here, goal, before.part(1.0 - rest, 1.0), is_simultaneous
                 )
-                found = search.run(SEARCH_BUDGET)
+                found = search.run(min(budget, self.node_budget))
                 self.opened += found.opened
                 if found.moves is None:
                     refused = f"no way from the grasp there to the goal grasp: {found.reason}"
@@ -126,7 +143,7 @@ class Stages:
         if motion.is_still:
             return (0.0,)
         size = max(abs(motion.angle) / REST_ANGLE, float(np.linalg.norm(motion.shift_W)) / REST_SHIFT)
-        return (1.0, 0.5, 0.0) if size <= 1.0 else (1.0 / size, 0.5 / size, 0.0)
+        return (1.0, 0.0) if size <= 1.0 else (1.0 / size, 0.5 / size)
 
     def _gait(
         self, motion: ObjectMotion, rest: float, is_attitude: bool
@@ -136,7 +153,8 @@ class Stages:
             return (), self.hold.start_contacts, ""
         part = motion.part(0.0, 1.0 - rest)
         goal = RotationGoal(self.X_WO, part.axis_W, part.angle, part.shift_W, is_attitude)
-        moved = plan_object_manipulation(self.hand, goal, self.start, self.node_budget, self.primitives)
+        nodes = min(GAIT_BUDGET, self.node_budget)
+        moved = plan_object_manipulation(self.hand, goal, self.start, nodes, self.primitives)
         self.opened += int(moved.statistics.get("nodes", 0))
         if not moved.is_solved:
             return (), (), f"the object cannot be brought there ({moved.status}: {moved.reason})"
