@@ -14,6 +14,7 @@ from dexplan.control.reference import Timing, build_reference
 from dexplan.errors import DexplanError
 from dexplan.planning.adjustment import plan_grasp_adjustment
 from dexplan.planning.dextrous import plan_dextrous_manipulation
+from dexplan.planning.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
@@ -102,6 +103,8 @@ def plan(problem: Problem) -> Plan:
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
     means = (problem.gait.node_budget, problem.gait.primitives)
+    if asked.contacts_deg is None and not problem.gait.primitives:
+        return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
     if asked.contacts_deg is None:
         return plan_object_manipulation(hand, goal, start, *means)
     wanted = compute_contact_directions(asked.contacts_deg)

@@ -209,6 +209,10 @@ def _check_rest(problem: Problem, source: str) -> None:
     if len(set(primitives)) != len(primitives):
         accepted = "accepted: each primitive at most once"
         raise ProblemError(source, "gait.primitives", f"{spell(list(primitives))} repeats itself", accepted)
+    if not primitives and problem.goal.contacts_deg is not None:
+        fact = "[] keeps the contacts as they are, and goal.contacts_deg asks for others"
+        accepted = 'accepted: "substitution", "rewind" or both here'
+        raise ProblemError(source, "gait.primitives", fact, accepted)
     for index, obstacle in enumerate(problem.obstacles):
         count, words = OBSTACLE_SIZES[obstacle.kind]
         if len(obstacle.size_m) != count:
