@@ -19,7 +19,8 @@ from dexplan.planning.legs import STEP, Leg
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.orbits import Orbit, build_aligned, build_fixed_orbit, build_orbits
 from dexplan.planning.plan import Placement
-from dexplan.planning.regions import ORDER_GAP, compute_pair_angle_max
+from dexplan.planning.regions import ORDER_GAP, compute_pair_angle_max, compute_regions
+from dexplan.planning.theorems import check_theorem_1
 from dexplan.scene.workspace import spread_directions
 from dexplan.spatial import Array, build_frame, invert_pose
 
@@ -173,18 +174,22 @@ class ContactTable:
         """Return whether two of the contacts are force closed with the believed friction."""
         return self.pair_angle(held) < self.beta_max
 
-    def check_theorem_1(self, held: tuple[Held, ...]) -> str:
-        """Check the paper's Theorem 1, which every gait needs: some free finger can hold with one of ``held`` where they are.
+    def check_theorem_1(self, held: tuple[Held, Held], done: int) -> str:
+        """Return why no free finger can take part in a gait with the pair ``held`` at progress ``done``; "" if one may.
 
-        Two fingers i, j that hold can only be relocated if f_i lies in CWS_i_jk or f_j in CWS_j_ik for a free finger k
-        [paper §2.2].  Returns "" where that is so, else the refusal.
+        The paper's Theorem 1, a necessary condition: some free finger can hold with one of the pair where it is.
         """
-        reach = float(np.cos(2.0 * self.beta_max))
-        for finger in set(self.candidates) - {h.finger for h in held}:
-            normals = self.candidates[finger].normals
-            if any((normals @ -self.normal(h)).max(initial=-1.0) > reach for h in held):
+        i, j = held
+        X_WO = self.leg.pose(done)
+        regions = compute_regions(self.hand, X_WO, theta=self.beta_max)
+        x_i, x_j = (X_WO[:3, :3].T @ self.normal(h) for h in held)
+        reasons = []
+        for k in sorted(set(range(len(self.hand.fingers))) - {i.finger, j.finger}):
+            answer = check_theorem_1(regions, i.finger, j.finger, k, x_i, x_j)
+            if answer.is_met:
                 return ""
-        return "Theorem 1: no free finger can form a force-closure grasp with a holding finger where it is, so none can be lifted"
+            reasons.append(answer.reason)
+        return reasons[0] if reasons else "no finger is free"
 
     @cached_property
     def _bases(self) -> list[int]:

@@ -291,7 +291,9 @@ class GaitSearch:
                 continue  # the leg ends here; what comes next is the next leg's business
             if len(held) > 2:
                 children += self._lift_one(node, held, turn)
-            elif refusal := table.check_theorem_1(held):
+            elif self.tables[node.leg].has_pair(held) and (
+                refusal := table.check_theorem_1((held[0], held[1]), done)
+            ):
                 self._refuse(refusal)
             else:
                 for finger in sorted(set(table.candidates) - {h.finger for h in held}):
