@@ -9,24 +9,22 @@ grasp is rolled into: a pair of the goal grasp is rolled apart until it holds al
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
-from dexplan.planning.admissible import Admissibility, FingerState, compute_finger_states, worst
-from dexplan.planning.coordinated import ObjectMotion, follow_object, judge_carry
+from dexplan.planning.admissible import Admissibility
+from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.hand import HandModel
-from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
+from dexplan.planning.layers import Layers
+from dexplan.planning.moves import Adjustment, Contacts, Move, is_same, reverse_roll
 from dexplan.planning.plan import Placement
-from dexplan.planning.regions import compute_pair_angle_max
-from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import RollPlan, RollToPair
-from dexplan.planning.roll_to_goal import measure_angle, roll_all_the_way
+from dexplan.planning.roll_gait import RollPlan
+from dexplan.planning.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
 from dexplan.planning.states import without_numbers
 from dexplan.planning.still import Stand, StillContacts, land_again
 from dexplan.scene.workspace import spread_directions
-from dexplan.spatial import Array
 
 GREED = 1.5
 """How much more moves still to be made count than those already made."""
@@ -36,47 +34,14 @@ HIDDEN = 0.45
 """What a lift before a carry, or a placement after one, counts less where the finger travels meanwhile."""
 LOAD_COST = 0.4
 """What a landing counts in addition whose pair uses all of the believed cone."""
-SLACK = 1.02
-"""The quick answer searches on a grid: a pair does not hold for sure only beyond this."""
 OPTIONS = 2
 """Ways to roll into the goal grasp, and out of the start grasp, that the search may use for every pair of fingers."""
-WIDER, FOLLOW = np.radians((0.5, 3.0, 8.0)), np.radians((0.0, 8.0))
-"""How much wider than needed a pair is rolled apart, and how far the third finger rolls along [rad]."""
 SAME = 0.5
 """How much later a grasp is opened for every one like it that has been."""
 KINDS = spread_directions(40)
 """Contacts are alike whose directions are nearest to the same one of these."""
-LAYER_ANGLE, LAYER_SHIFT = float(np.radians(12.0)), 6e-3
-"""Poses at which fingers may be relocated are at most so far apart [rad, m]."""
 
-Contacts = tuple[Placement | None, ...]
 Labels = tuple[int | None, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Move:
-    """One move: ``kind`` place, lift, roll or carry; ``finger`` the one placed or lifted; ``contacts`` after it.
-
-    The object is at ``X_WO`` (4, 4), or goes through ``motion`` in a carry.
-    """
-
-    kind: str
-    finger: int | None
-    contacts: Contacts
-    X_WO: Array
-    margins: dict[str, float] = field(default_factory=dict)
-    rolls: tuple[Roll, ...] = ()
-    why: str = ""
-    motion: ObjectMotion | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Adjustment:
-    """The answer of a search: the moves, or the most common refusals in ``reason``; ``opened`` counts nodes."""
-
-    moves: tuple[Move, ...] | None
-    reason: str
-    opened: int = 0
 
 
 @dataclass(eq=False)
@@ -99,36 +64,6 @@ class _Entry:
     node: _Node = field(compare=False)
 
 
-def reverse_roll(roll: Roll) -> Roll:
-    """Return the same way walked backwards."""
-    return Roll(roll.finger, roll.X_OF[::-1], roll.normal_O[::-1])
-
-
-class _EveryPair(RollToPair):
-    """Rolls of every pair of three fingers, not only of those that are farthest apart, in a few steps only."""
-
-    def first_of_every_pair(self, count: int) -> list[RollPlan]:
-        """Return up to ``count`` ways for every pair."""
-        found: list[RollPlan] = []
-        touching = [c for c in self.contacts if c is not None]
-        limits = self.hand.limits
-        beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
-        for third in touching:
-            a, b = (c for c in touching if c is not third)
-            now = measure_angle(a.normal_O, b.normal_O)
-            first, ways = max(np.pi - 2.0 * beta - now, 0.0), 0
-            for wider in WIDER:
-                for follow in FOLLOW:
-                    if ways < count and first + wider < np.pi - now:
-                        way, refusal = self._try(a, b, third, first + wider, follow)
-                        if way is not None:
-                            found.append(way)
-                            ways += 1
-                            break
-                        self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
-        return found
-
-
 @dataclass(eq=False)
 class AdjustmentSearch:
     """Finds moves from the contacts ``start`` to the contacts ``goal``.
@@ -145,21 +80,15 @@ class AdjustmentSearch:
     motion: ObjectMotion
     is_simultaneous: bool = False
     opened: int = 0
-    layers: list[StillContacts] = field(default_factory=list)
     _heap: list[_Entry] = field(default_factory=list)
     _serial: int = 0
     _refusals: dict[str, int] = field(default_factory=dict)
     _targets: dict[Labels, RollPlan | None] = field(default_factory=dict)
-    _promises: dict[tuple[int, int, int], Array] = field(default_factory=dict)
-    _carried: dict[tuple[int, int], tuple[int | None, list[FingerState], str]] = field(default_factory=dict)
     _early: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        turns = abs(self.motion.angle) / LAYER_ANGLE
-        shifts = float(np.linalg.norm(self.motion.shift_W)) / LAYER_SHIFT
-        self._count = int(np.ceil(max(turns, shifts) - 1e-9))
-        poses = self.motion.poses(self._count + 1) if self._count else self.motion.X_WO_start[None]
-        self.layers = [StillContacts(self.hand, X, self.admissibility) for X in poses]
+        self._layers = Layers(self.hand, self.admissibility, self.motion)
+        self._count, self.layers = self._layers.last, self._layers.poses
 
     def run(self, node_budget: int) -> Adjustment:
         """Return the moves, fewest first as far as the search's greed allows."""
@@ -250,7 +179,7 @@ class AdjustmentSearch:
         return 0 if is_there else None
 
     def _unroll(self, still: StillContacts, contacts: Contacts) -> list[RollPlan]:
-        search = _EveryPair(self.hand, still.X_WO, contacts, self.admissibility)
+        search = RollEveryPair(self.hand, still.X_WO, contacts, self.admissibility)
         options = search.first_of_every_pair(OPTIONS)
         if not options:
             self._refuse(f"no two contacts hold, and rolling cannot make two that do: {search.explain()}")
@@ -301,7 +230,8 @@ class AdjustmentSearch:
         if node.parent is None:
             return ""
         if node.parent.layer != node.layer:
-            return self._check_carry(node.parent, node)
+            node.margins, refusal = self._layers.judge_carry(node.parent.layer, node.parent.stand)
+            return refusal
         f = node.changed
         assert f is not None
         spot = node.stand[f] if node.stand[f] is not None else node.parent.stand[f]
@@ -313,38 +243,10 @@ class AdjustmentSearch:
             return f"{names} come within {1e3 * clearance:.1f} mm on the way"
         return ""
 
-    def _step(self, layer: int) -> ObjectMotion:
-        return self.motion.part(layer / self._count, (layer + 1) / self._count)
-
-    def _carry(self, layer: int, spot: int) -> tuple[int | None, list[FingerState], str]:
-        """Return the spot in the next layer to which a contact is carried, and the finger's states on the way.
-
-        None, and a reason, where it cannot be carried there.
-        """
-        key = (layer, spot)
-        if key not in self._carried:
-            placement = self.layers[layer].spots[spot]
-            q, refusal = follow_object(self.hand, placement, self._step(layer).poses())
-            there, states = None, []
-            if not refusal:
-                label = self.layers[layer].labels[spot]
-                there = self.layers[layer + 1].add(replace(placement, q=q[-1]), label)
-                states = compute_finger_states(self.hand, placement.finger, q)
-            self._carried[key] = there, states, refusal
-        return self._carried[key]
-
-    def _check_carry(self, node: _Node, after: _Node) -> str:
-        """Return why the grasp of a node cannot carry the object to the next pose, which is that of ``after``; "" if it can."""
-        motion = self._step(node.layer)
-        states = {f: self._carry(node.layer, s)[1] for f, s in enumerate(node.stand) if s is not None}
-        rows, refusal = judge_carry(self.hand, self.admissibility, states, motion, motion.poses())
-        after.margins = worst(rows)
-        return refusal
-
     def _expand(self, node: _Node) -> None:
         stand, still = node.stand, self.layers[node.layer]
         if node.layer < self._count:
-            carried = [None if s is None else self._carry(node.layer, s) for s in stand]
+            carried = [None if s is None else self._layers.carry(node.layer, s) for s in stand]
             for c in carried:
                 if c is not None and c[2]:
                     self._refuse(c[2])
@@ -365,7 +267,7 @@ class AdjustmentSearch:
             for place in self._goals(node.layer, f):
                 self._push(_Node(node.layer, _with(stand, f, place), spent, node, f))
             # A place between is of use only where it holds with one of the others, so that the third can go.
-            promise = np.minimum.reduce([self._loads(node.layer, f, r) for r in rest])
+            promise = np.minimum.reduce([self._layers.promise(node.layer, f, r) for r in rest])
             for place, load in zip(still.landings(f), promise, strict=True):
                 if np.isfinite(load):
                     child = _Node(node.layer, _with(stand, f, place), spent, node, f)
@@ -388,28 +290,6 @@ class AdjustmentSearch:
                     self._early[key].append(still.add(found, last.labels[spot]))
         return self._early[key]
 
-    def _loads(self, layer: int, finger: int, partner: int) -> Array:
-        """Return what pairs of ``partner`` with each of a finger's landings use of the cone, now and with the object at its end.
-
-        inf where a pair does not hold now; 1 for the end where it does not hold then, or is far from where the finger stands.
-        """
-        key = layer, finger, partner
-        if key not in self._promises:
-            still, last = self.layers[layer], self.layers[-1]
-            now = still.loads(finger, partner)
-            now = np.where(now <= SLACK * self.hand.limits.cone_share, now, np.inf)
-            turn = last.X_WO[:3, :3] @ still.X_WO[:3, :3].T
-            normals = np.array([still.normal(s) for s in still.landings(finger)]).reshape(-1, 3) @ turn.T
-            other = np.broadcast_to(turn @ still.normal(partner), normals.shape)
-            home = self.hand.p_WF_home[finger] - last.X_WO[:3, 3]
-            later = np.ones(len(normals))
-            if len(normals):
-                wrench = compute_object_wrench(self.hand, None)
-                later = np.minimum(compute_pair_loads(self.hand, other, normals, wrench).utilisation, 1.0)
-                later = np.where(normals @ home > 0.3 * np.linalg.norm(home), later, 1.0)
-            self._promises[key] = now + later
-        return self._promises[key]
-
     # -- the answer ------------------------------------------------------------------------------------------------------
 
     def _moves(self, last: _Node) -> tuple[Move, ...]:
@@ -422,7 +302,7 @@ class AdjustmentSearch:
             still = self.layers[node.layer]
             contacts = still.placements(node.stand)
             if node.layer != before.layer:
-                motion = self._step(before.layer)
+                motion = self._layers.step(before.layer)
                 moves.append(Move("carry", None, contacts, motion.X_WO_end, node.margins, motion=motion))
                 continue
             f = node.changed
@@ -464,12 +344,3 @@ def _with(stand: Stand, finger: int, spot: int | None) -> Stand:
 def _count_moves(labels: Labels, target: Labels) -> int:
     """Return how many placements and lifts are missing at least."""
     return sum((a is not None) + (b is not None) for a, b in zip(labels, target, strict=True) if a != b)
-
-
-def is_same(a: Contacts, b: Contacts) -> bool:
-    """Return whether the fingers touch at the same places."""
-    return all(
-        (x is None) == (y is None)
-        and (x is None or y is None or measure_angle(x.normal_O, y.normal_O) < 1e-6)
-        for x, y in zip(a, b, strict=True)
-    )

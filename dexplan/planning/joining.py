@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from dexplan.planning.adjustment_search import Move
 from dexplan.planning.coordinated import ObjectMotion, follow_object
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.hand import HandModel
+from dexplan.planning.moves import Contacts, Move
 from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.spatial import Array
-
-Contacts = tuple[Placement | None, ...]
 
 
 def build_move_actions(moves: tuple[Move, ...], before: Contacts, axis_W: Array) -> tuple[Action, ...]:

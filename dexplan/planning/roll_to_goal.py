@@ -10,13 +10,16 @@ import numpy as np
 from dexplan.planning.admissible import Admissibility, Margins, worst
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Placement
+from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import STEP, build_roll, end_placement, follow_roll
+from dexplan.planning.roll_gait import STEP, RollPlan, RollToPair, build_roll, end_placement, follow_roll
 from dexplan.spatial import Array
 
 ROLL_REACH = float(np.radians(45.0))
 """Contacts farther than this from their goals [rad] are not rolled all the way."""
 
+WIDER, FOLLOW = np.radians((0.5, 3.0, 8.0)), np.radians((0.0, 8.0))
+"""How much wider than needed a pair is rolled apart, and how far the third finger rolls along [rad]."""
 Contacts = tuple[Placement | None, ...]
 
 
@@ -100,3 +103,28 @@ def _roll(
             return None
         rows.append(row)
     return Rolled(tuple(rolls), tuple(after), worst(rows))
+
+
+class RollEveryPair(RollToPair):
+    """Rolls of every pair of three fingers, not only of those that are farthest apart, in a few steps only."""
+
+    def first_of_every_pair(self, count: int) -> list[RollPlan]:
+        """Return up to ``count`` ways for every pair."""
+        found: list[RollPlan] = []
+        touching = [c for c in self.contacts if c is not None]
+        limits = self.hand.limits
+        beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
+        for third in touching:
+            a, b = (c for c in touching if c is not third)
+            now = measure_angle(a.normal_O, b.normal_O)
+            first, ways = max(np.pi - 2.0 * beta - now, 0.0), 0
+            for wider in WIDER:
+                for follow in FOLLOW:
+                    if ways < count and first + wider < np.pi - now:
+                        way, refusal = self._try(a, b, third, first + wider, follow)
+                        if way is not None:
+                            found.append(way)
+                            ways += 1
+                            break
+                        self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
+        return found

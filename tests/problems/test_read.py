@@ -266,6 +266,16 @@ def test_grasp_adjustment_leaves_the_object_alone() -> None:
         load_problem("hold_two", {"goal": {**goal, "translation_m": [0, 0, 0.01]}})
 
 
+def test_only_a_grasp_adjustment_may_keep_the_object() -> None:
+    goal: dict[str, Any] = {"kind": "grasp_adjustment", "contacts_deg": [[0, 0], [140, 0], "free"]}
+    assert not load_problem("hold_two", {"goal": goal}).goal.keep_object
+    assert load_problem("hold_two", {"goal": {**goal, "keep_object": True}}).goal.keep_object
+    with pytest.raises(ProblemError, match=r"goal.keep_object: true for kind = .* accepted: false here"):
+        load_problem("hold_two", {"goal.keep_object": True})
+    with pytest.raises(ProblemError, match=r"goal.keep_object: .* accepted: true or false"):
+        load_problem("hold_two", {"goal": {**goal, "keep_object": "yes"}})
+
+
 def test_limits_may_be_replaced_but_not_invented() -> None:
     for name, default in load_limits().items():
         value: bool | float = (not default) if isinstance(default, bool) else default + 1.0
