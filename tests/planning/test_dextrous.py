@@ -14,7 +14,7 @@ from dexplan.control.reference import build_reference
 from dexplan.planning.hand import HandModel
 from dexplan.planning.overlap import count_overlaps, overlap_travel
 from dexplan.planning.plan import MUST_NOT, Plan
-from dexplan.problems.problem import Problem
+from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.read import load_problem
 from dexplan.spatial import direction_from_angles
 
@@ -111,3 +111,23 @@ def test_goal_contacts_beyond_reach_at_the_goal() -> None:
     plan = pipeline.plan(small("object_first", contacts_deg=[[60.0, 0.0], [200.0, 0.0], "free"]))
     assert plan.status == "goal_contacts_unreachable"
     assert "with the object at its goal" in plan.reason
+
+
+def test_figure_5_asks_for_what_the_paper_shows() -> None:
+    """Three radii, every goal contact at least 40 degrees from its start, a goal attitude at least 60 degrees away."""
+    problem = load_problem("fig5_dextrous")
+    assert sorted(problem.hand.tip_radii_m) == [0.014, 0.018, 0.022]
+    assert isinstance(problem.start.contacts_deg, tuple)
+    assert problem.goal.contacts_deg is not None
+    pairs = zip(
+        compute_contact_directions(problem.start.contacts_deg),
+        compute_contact_directions(problem.goal.contacts_deg),
+        strict=True,
+    )
+    for start, goal in pairs:
+        assert start is not None
+        assert goal is not None
+        assert np.degrees(np.arccos(start @ goal)) >= 40.0
+    assert problem.goal.orientation_wxyz is not None
+    quat = np.array(problem.goal.orientation_wxyz)
+    assert np.degrees(2.0 * np.arccos(abs(quat[0]) / np.linalg.norm(quat))) >= 60.0
