@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
@@ -326,6 +327,7 @@ def draw(runs: tuple[Endurance, ...], path: str | os.PathLike[str]) -> Path:
             ax.axhline(limit, color=ALARM, linewidth=1.2, label="limit")
             ax.set_yscale("log")
             ax.set_xlim(0.5, run.chain.asked + 0.5)
+            ax.xaxis.set_major_locator(MaxNLocator(integer=True))
             ax.set_xlabel("goal")
             ax.set_ylabel(label)
             ax.spines[["top", "right"]].set_visible(False)
