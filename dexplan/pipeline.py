@@ -13,11 +13,13 @@ from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Timing, build_reference
 from dexplan.errors import DexplanError
 from dexplan.planning.adjustment import plan_grasp_adjustment
+from dexplan.planning.configuration_space import explain_obstruction
 from dexplan.planning.dextrous import plan_dextrous_manipulation
 from dexplan.planning.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
+from dexplan.planning.planner import refuse
 from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
@@ -100,6 +102,8 @@ def plan(problem: Problem) -> Plan:
         )
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
+    if problem.obstacles and (reason := explain_obstruction(hand)):
+        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
     means = (problem.gait.node_budget, problem.gait.primitives)
