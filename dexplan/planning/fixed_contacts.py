@@ -17,7 +17,7 @@ from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
 from dexplan.planning.planner import Start, plan_rotation
-from dexplan.spatial import Array
+from dexplan.spatial import Array, read_only
 
 LIMIT_REACHED = "limit_reached"
 """Status of a plan that goes as far as the grasp can, and not to the goal."""
@@ -42,6 +42,10 @@ class FixedReach:
     ways: dict[int, Array]
     limit: str
     limiting_finger: int | None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "poses", read_only(self.poses))
+        object.__setattr__(self, "ways", {finger: read_only(way) for finger, way in self.ways.items()})
 
 
 def compute_fixed_reach(
@@ -193,7 +197,7 @@ def _build_actions(
         contacts_end=after,
         phases=(PlannedPhase("move", tuple(MUST_NOT if c is None else MUST for c in contacts)),),
         why="contacts stay fixed; until " + ("the goal" if is_there else limit),
-        limiting_finger=limiting,
+        limiting_finger=None if is_there else limiting,
         limit="the goal" if is_there else limit,
         margins=worst(reach.rows),
     )

@@ -29,6 +29,7 @@ def test_the_built_in_goal_is_reached_without_lifting() -> None:
     assert found.is_solved, found.reason
     assert [a.kind for a in found.actions] == ["hold", "move_object", "hold"]
     assert found.actions[1].grasping == (0, 1, 2)
+    assert found.actions[1].limiting_finger is None
     np.testing.assert_allclose(found.actions[-1].X_WO_end, found.X_WO_goal, atol=1e-12)
     assert found.statistics["reach_deg"] >= 72.0
     assert "this grasp could turn it to" in found.actions[-1].why
