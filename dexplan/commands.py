@@ -60,6 +60,7 @@ def plan(name: str, assignments: Sequence[str], out: Path | None) -> int:
     """Plan, save problem and plan, print the plan in words."""
     problem, folder = _read(name, assignments, out)
     from dexplan import pipeline
+    from dexplan.viz.timeline import gait_text
 
     with _keeping_evidence(folder, problem):
         planned = pipeline.plan(problem)
@@ -67,6 +68,8 @@ def plan(name: str, assignments: Sequence[str], out: Path | None) -> int:
         problem.save(folder / "problem.toml")
         planned.save(folder / "plan.json")
     print(planned.explain())
+    if planned.actions:
+        print(gait_text(planned))
     print(f"{planned.status}: {folder / 'plan.json'}")
     return CONFIRMED if planned.is_solved else HONEST_NO
 

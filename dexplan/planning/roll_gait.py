@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from dexplan.contact.rolling import RollingPath, roll_turning
-from dexplan.planning.admissible import Admissibility, Margins, worst
+from dexplan.planning.admissible import Admissibility, Margins, compute_finger_states, worst
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.regions import compute_pair_angle_max
@@ -130,46 +130,68 @@ class RollToPair:
         now = float(np.arccos(np.clip(a.normal_O @ b.normal_O, -1.0, 1.0)))
         first = max(np.pi - 2.0 * beta - now, 0.0)
         for wider in np.arange(first, min(first + WIDEST, np.pi - now), STEP):
-            for follow in FOLLOW:
-                found, refusal = self._try(a, b, third, float(wider), float(np.radians(follow)))
-                if found is not None:
-                    yield found
-                    break
-                self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
+            if (found := self.open_pair(a, b, third, float(wider))) is not None:
+                yield found
+
+    def open_pair(self, a: Placement, b: Placement, third: Placement, wider: float) -> RollPlan | None:
+        """Return how ``a`` and ``b`` roll apart by ``wider`` [rad] in all; None, and the refusals counted, where they cannot."""
+        # Whether the pair can roll and then holds alone does not depend on where the third finger goes meanwhile.
+        rolls, postures, refusal = self._roll_pair(a, b, wider)
+        if refusal:
+            self._refuse(refusal)
+            return None
+        for follow in FOLLOW:
+            found, refusal = self._try(rolls, postures, (a, b, third), float(np.radians(follow)))
+            if found is not None:
+                return found
+            self._refuse(refusal)
+        return None
+
+    def _refuse(self, refusal: str) -> None:
+        self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
+
+    def _roll_pair(
+        self, a: Placement, b: Placement, wider: float
+    ) -> tuple[list[Roll], dict[int, Array], str]:
+        """Return the rolls that open the pair by ``wider`` [rad], its postures (K, J) on the way, and why it fails ("")."""
+        count = max(16, int(np.ceil(0.5 * wider / STEP)) + 1)
+        rolls: list[Roll] = []
+        ways, q = {x.finger: np.repeat(x.q[None], count, axis=0) for x in (a, b)}, self.hand.q_home
+        for x, y in ((a, b), (b, a)):
+            if wider > 0.0:
+                roll = build_roll(self.hand, x, -y.normal_O, 0.5 * wider, count)
+                ways[x.finger], refusal = follow_roll(self.hand, self.X_WO, roll, x.q)
+                if refusal:
+                    return rolls, ways, refusal
+                rolls.append(roll)
+            q[x.finger] = ways[x.finger][-1]
+        alone = self.admissibility.compute_margins(q, self.X_WO, tuple(sorted(ways)))
+        return rolls, ways, alone.refusal
 
     def _try(
-        self, a: Placement, b: Placement, third: Placement, wider: float, follow: float
+        self,
+        pair_rolls: list[Roll],
+        pair_ways: dict[int, Array],
+        fingers: tuple[Placement, Placement, Placement],
+        follow: float,
     ) -> tuple[RollPlan | None, str]:
-        """Return the plan that opens the pair by ``wider`` while the third finger rolls by ``follow`` [rad]; else why not."""
-        count = max(9, int(np.ceil(max(0.5 * wider, abs(follow)) / STEP)) + 1)
-        rolls = [
-            build_roll(self.hand, x, -y.normal_O, 0.5 * wider, count)
-            for x, y in ((a, b), (b, a))
-            if wider > 0.0
-        ]
+        """Return the plan in which the pair rolls as given while the third finger rolls by ``follow`` [rad]; else why not."""
+        a, b, third = fingers
+        count = len(pair_ways[a.finger])
+        rolls, ways = list(pair_rolls), {**pair_ways, third.finger: np.repeat(third.q[None], count, axis=0)}
         if follow != 0.0:
             rolls.append(build_roll(self.hand, third, -a.normal_O - b.normal_O, follow, count))
-        postures = {c.finger: np.repeat(c.q[None], count, axis=0) for c in (a, b, third)}
-        for roll in rolls:
-            q, refusal = follow_roll(self.hand, self.X_WO, roll, postures[roll.finger][0])
+            ways[third.finger], refusal = follow_roll(self.hand, self.X_WO, rolls[-1], third.q)
             if refusal:
                 return None, refusal
-            postures[roll.finger] = q
-        rows: list[Margins] = []
-        holding = tuple(sorted(postures))
-        for k in range(count):
-            q = self.hand.q_home
-            for finger, way in postures.items():
-                q[finger] = way[k]
-            row = self.admissibility.compute_margins(q, self.X_WO, holding)
-            if not row.is_admissible:
-                return None, row.refusal
-            rows.append(row)
+        rows, refusal = self._walk(ways)
+        if refusal:
+            return None, refusal
         contacts = list(self.contacts)
         for roll in rolls:
             before = contacts[roll.finger]
             assert before is not None
-            contacts[roll.finger] = end_placement(roll, before, postures[roll.finger][-1])
+            contacts[roll.finger] = end_placement(roll, before, ways[roll.finger][-1])
         pair, refusal = self._check_lift(tuple(contacts), (a.finger, b.finger), third.finger)
         if pair is None:
             return None, refusal
@@ -179,6 +201,21 @@ class RollToPair:
             ),
             "",
         )
+
+    def _walk(self, ways: dict[int, Array]) -> tuple[list[Margins], str]:
+        """Return the margins of holding along all fingers' ``ways`` (K, J), and the first refusal; the end is asked first."""
+        states = {i: compute_finger_states(self.hand, i, way) for i, way in ways.items()}
+        count = len(next(iter(ways.values())))
+        rows: list[Margins] = []
+        for k in (count - 1, *range(count - 1)):
+            q = self.hand.q_home
+            for finger, way in ways.items():
+                q[finger] = way[k]
+            here = {i: rows_i[k] for i, rows_i in states.items()}
+            rows.append(self.admissibility.compute_margins_of(here, q, self.X_WO))
+            if not rows[-1].is_admissible:
+                return rows, rows[-1].refusal
+        return rows, ""
 
     def _check_lift(
         self, contacts: tuple[Placement | None, ...], pair: tuple[int, int], lifted: int

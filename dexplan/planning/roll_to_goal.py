@@ -119,12 +119,9 @@ class RollEveryPair(RollToPair):
             now = measure_angle(a.normal_O, b.normal_O)
             first, ways = max(np.pi - 2.0 * beta - now, 0.0), 0
             for wider in WIDER:
-                for follow in FOLLOW:
-                    if ways < count and first + wider < np.pi - now:
-                        way, refusal = self._try(a, b, third, first + wider, follow)
-                        if way is not None:
-                            found.append(way)
-                            ways += 1
-                            break
-                        self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
+                if ways < count and first + wider < np.pi - now:
+                    way = self.open_pair(a, b, third, float(first + wider))
+                    if way is not None:
+                        found.append(way)
+                        ways += 1
         return found

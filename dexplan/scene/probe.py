@@ -24,6 +24,8 @@ class HandProbe:
         self._scene = scene
         self._model = copy.copy(scene.model)
         self._model.geom_margin[:] = SIGHT
+        # Made from the geoms' margins when the model was compiled; bodies farther apart are not looked at.
+        self._model.body_margin[:] = SIGHT
         self._data = mujoco.MjData(self._model)
         self._gravity = np.zeros(self._model.nv)
         tips = scene.tip_geoms.tolist()
@@ -38,7 +40,10 @@ class HandProbe:
         )
         seen: dict[tuple[int, int], list[float]] = {}
         for _ in range(12):
-            self._place(rng.uniform(lower, upper), self._scene.object.X_WO_home)
+            # The object moves too: its distance to what stands still is a clearance like any other.
+            X_WO = self._scene.object.X_WO_home.copy()
+            X_WO[:3, 3] += rng.uniform(-0.005, 0.005, 3)
+            self._place(rng.uniform(lower, upper), X_WO)
             for (a, b), distance in zip(
                 self._data.contact.geom.tolist(), self._data.contact.dist.tolist(), strict=True
             ):

@@ -67,6 +67,8 @@ def check_roll_path_error_max(case: Case) -> CheckResult:
     action_index = case.column("action_index")
     if action_index is None:
         return fail(name, "deg", "the record has no action_index", limit)
+    if not case.sample_count or not np.isfinite(replay.object_pose).all():
+        return fail(name, "deg", "a pose is not a number or there are no samples", limit)
     R_WO = Rotation.from_quat(replay.object_pose[:, 3:], scalar_first=True)
     found: list[tuple[float, float, str]] = []
     for index, action in enumerate(case.plan["actions"]):

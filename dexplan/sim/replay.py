@@ -141,6 +141,7 @@ class _Reader:
         # The same world with every geom reaching out by the horizon: its collisions are distances.
         self.wide = copy.deepcopy(model)
         self.wide.geom_margin[:] = horizon
+        self.wide.body_margin[:] = horizon  # made from the geoms' when the model was compiled
         self.wide_data = mujoco.MjData(self.wide)
         self.kind_of_geom = _name_kinds(world)
         self._velocity = np.zeros((2, 6))

@@ -95,10 +95,20 @@ def test_obstacle_turns_contact_into_collision(hand: HandModel) -> None:
         at = classify(beside, q)
         assert at.kind == kind
         assert at.touching == (0, 1)
-        assert at.clearance >= gap - 1e-6
-        if kind == "collision":
-            assert at.clearance == pytest.approx(gap, abs=1e-6)
-            assert "obstacle_1" in at.nearest
+        assert at.clearance == pytest.approx(gap, abs=1e-6)
+        assert "obstacle_1" in at.nearest
+
+
+def test_object_in_an_obstacle_is_seen(hand: HandModel) -> None:
+    """The object does not move while postures are tried, and is a body like any other all the same."""
+    x, y, z = (float(v) for v in hand.object.X_WO_home[:3, 3])
+    for gap in (0.003, -0.003):
+        below = Obstacle("box", (x, y, z - 0.035 - gap - 0.005), (0.02, 0.02, 0.005))
+        problem = replace(load_problem("hold_three"), obstacles=(below,))
+        beside = pipeline.build_hand(problem, pipeline.build_scene(problem))
+        clearance, names = beside.probe.compute_clearance(hand.q_home, hand.object.X_WO_home, ())
+        assert clearance == pytest.approx(gap, abs=1e-6)
+        assert "obstacle_1" in names
 
 
 def test_gaps_are_mujocos_distances(hand: HandModel, scene: Scene) -> None:

@@ -28,6 +28,7 @@ from dexplan.sim.checks_case import Case, find_runs, widen
 from dexplan.sim.checks_closure import compute_closure_slack, compute_load_margin
 from dexplan.sim.replay import OtherContact
 from dexplan.sim.validate import CHECKS, NOT_APPLICABLE, load_default_limits, run_checks
+from dexplan.spatial import as_pose7, make_pose, rotate_about
 
 NAMES = [name for name, _ in CHECKS]
 
@@ -63,6 +64,17 @@ def dragged() -> Case:
     ctrl = np.tile(hold, (250, 1))
     ctrl[:, 0] += np.linspace(0.0, 0.1, 250)
     return make_case(record(ctrl=ctrl))
+
+
+def planned_roll() -> Case:
+    """The plan lets finger 1 roll by 10 degrees; in the run it holds still."""
+    pose = as_pose7(
+        make_pose(rotate_about([0.0, 0.0, 1.0], np.radians(10.0)), [0.0522, 0.0092, 0.0])
+    ).tolist()
+    plan = make_plan()
+    first = as_pose7(make_pose(None, [0.053, 0.0, 0.0])).tolist()
+    plan["actions"][0]["rolls"] = [{"finger": "finger_1", "X_OF": [first, pose]}]
+    return replace(held(), plan=plan)
 
 
 @lru_cache
@@ -252,6 +264,12 @@ FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
         ),
     ),
     ("rolling_error_max", "slides", dragged),
+    ("roll_path_error_max", "stays where it is", planned_roll),
+    (
+        "contact_region_error_max",
+        "elsewhere",
+        lambda: with_problem(object={"allowed_regions": [{"axis": [0.0, 0.0, 1.0], "half_angle_deg": 80.0}]}),
+    ),
     ("rolling_error_max", "turns on the spot", lambda: with_replay(tip_rotation=spun_tip())),
     ("penetration_max", "deep", lambda: with_replay(penetration=held().replay.penetration + 2e-4)),
     (
@@ -290,7 +308,10 @@ FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
 
 
 def test_held_ball_passes_every_check() -> None:
-    problem = make_problem(goal={"contacts_deg": [[a, 0.0] for a in AZIMUTHS]})
+    everywhere = [{"axis": [0.0, 0.0, 1.0], "half_angle_deg": 180.0}]
+    problem = make_problem(
+        goal={"contacts_deg": [[a, 0.0] for a in AZIMUTHS]}, object={"allowed_regions": everywhere}
+    )
     results = run_checks(replace(held(), problem=problem))
     assert [r for r in results if r.status != "pass"] == []
     assert [r.name for r in results] == NAMES
@@ -309,7 +330,7 @@ def test_every_check_has_a_failure() -> None:
 def test_not_applicable_comes_from_the_problem() -> None:
     case = with_problem(goal={"rotation": None, "orientation_wxyz": HOME[3:], "contacts_deg": None})
     idle = {r.name for r in run_checks(case) if r.status == "not_applicable"}
-    assert idle == {"turned_angle", "contact_error_final"} <= set(NOT_APPLICABLE)
+    assert idle == {"turned_angle", "contact_error_final", "contact_region_error_max"} <= set(NOT_APPLICABLE)
 
 
 @pytest.mark.parametrize("samples", [1, 2, 7])
