@@ -18,6 +18,7 @@ from dexplan.planning.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.sim.validate import ValidationReport
 from dexplan.spatial import Array
+from dexplan.viz.canvas import write_picture
 from dexplan.viz.curves import Curves, compute_curves
 from dexplan.viz.palette import ACTION_SHADES, ALARM, INK, OTHER_SHADE, get_finger_color
 from dexplan.viz.timeline import GaitRow, Span, build_action_spans, build_gait_rows
@@ -73,15 +74,7 @@ def draw_summary(
     _draw_turn(axes[4], curves)
     _write_heading(figure, problem, plan, trace, report)
     _draw_keys(figure, plan, rows)
-    target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
-    try:
-        canvas.print_png(partial)
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
-    return target
+    return write_picture(canvas, path)
 
 
 def _read_limit(problem: Mapping[str, Any] | None) -> float:

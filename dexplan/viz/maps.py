@@ -24,6 +24,7 @@ from matplotlib.patches import Patch
 from dexplan.planning.hand import HandModel
 from dexplan.planning.spherical import SphericalRegion
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
+from dexplan.viz.canvas import write_picture
 from dexplan.viz.palette import ALARM, INK, as_rgb, get_finger_color
 from dexplan.viz.reach import BELOW_DEG, PairLoads, Reach, compute_reach
 
@@ -133,15 +134,7 @@ def draw_reach(hand: HandModel, path: str | os.PathLike[str]) -> Path:
         for k, loads in enumerate(reach.loads):
             _draw_loads(figure.add_subplot(bottom[0, k]), hand, reach, loads, k == 0)
     _write_headings(figure, hand, reach, split)
-    target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
-    try:
-        canvas.print_png(partial)
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
-    return target
+    return write_picture(canvas, path)
 
 
 def _list_maps(n: int) -> list[list[tuple[str, tuple[int, ...]]]]:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
+from dexplan.viz.canvas import write_picture
 from dexplan.viz.palette import ALARM, FINGER_COLORS, INK
 from dexplan.witness.diagram import Boundary, CurvePoint, GridPoint, PhaseDiagram
 from dexplan.witness.experiments import EXPERIMENTS, Experiment
@@ -84,7 +85,7 @@ def draw_diagram(diagram: PhaseDiagram, path: str | os.PathLike[str]) -> Path:
         handles=keys, loc="upper left", bbox_to_anchor=(0.052, 0.927), ncols=5, frameon=False, fontsize=9.5,
         columnspacing=1.6, handletextpad=0.6,
     )  # fmt: skip
-    return _write(canvas, path)
+    return write_picture(canvas, path)
 
 
 def _draw_panel(
@@ -170,7 +171,7 @@ def draw_lifted(cases: Sequence[LiftedFinger], path: str | os.PathLike[str]) -> 
     )
     _draw_margins(figure.add_subplot(panels[0, 0]), cases)
     _draw_table(figure.add_subplot(panels[0, 1]), cases)
-    return _write(canvas, path)
+    return write_picture(canvas, path)
 
 
 def _draw_margins(ax: Axes, cases: Sequence[LiftedFinger]) -> None:
@@ -286,15 +287,3 @@ def _draw_table(ax: Axes, cases: Sequence[LiftedFinger]) -> None:
 def count_cases(cases: Sequence[LiftedFinger]) -> Counter[tuple[str, str, bool]]:
     """Return how often each (predicted, observed, clear of zero) happened."""
     return Counter((c.predicted, str(c.outcome.kind), c.is_clear) for c in cases)
-
-
-def _write(canvas: FigureCanvasAgg, path: str | os.PathLike[str]) -> Path:
-    target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
-    try:
-        canvas.print_png(partial)
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
-    return target
