@@ -26,6 +26,7 @@ def cwd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 class _Plan:
     def __init__(self, status: str) -> None:
         self.status, self.is_solved = status, status == "solved"
+        self.actions: tuple[object, ...] = ()
 
     def explain(self) -> str:
         return "the plan in words"
