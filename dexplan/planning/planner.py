@@ -247,6 +247,6 @@ class _Planning:
         known = f" ({refusal})" if refusal else ""
         return (
             f"no two of the start contacts are {table.needed_angle()}, so no finger can be lifted, and the goal lies beyond "
-            f"what this grasp can do alone{known}; the plan would have to begin with rolling, which is not built yet; "
+            f"what this grasp can do alone{known}; the plan would have to begin with rolling; "
             f"move two contacts apart, or {CURE}"
         )

@@ -101,6 +101,27 @@ def end_placement(roll: Roll, placement: Placement, q: Array) -> Placement:
     return Placement(roll.finger, radius * normal, normal, roll.X_OF[-1], q)
 
 
+def judge_ways(
+    hand: HandModel, admissibility: Admissibility, X_WO: Array, ways: dict[int, Array]
+) -> tuple[list[Margins], str]:
+    """Return the margins of holding the object at ``X_WO`` (4, 4) with all fingers of ``ways`` along their postures (K, J).
+
+    Stops at the first sample that is refused, with the refusal ("" where there is none); the end is asked first.
+    """
+    states = {i: compute_finger_states(hand, i, way) for i, way in ways.items()}
+    count = len(next(iter(ways.values())))
+    rows: list[Margins] = []
+    for k in (count - 1, *range(count - 1)):
+        q = hand.q_home
+        for finger, way in ways.items():
+            q[finger] = way[k]
+        here = {i: rows_i[k] for i, rows_i in states.items()}
+        rows.append(admissibility.compute_margins_of(here, q, X_WO))
+        if not rows[-1].is_admissible:
+            return rows, rows[-1].refusal
+    return rows, ""
+
+
 @dataclass(eq=False)
 class RollToPair:
     """Looks for ways to roll three holding fingers so that two of them hold alone."""
@@ -184,7 +205,7 @@ class RollToPair:
             ways[third.finger], refusal = follow_roll(self.hand, self.X_WO, rolls[-1], third.q)
             if refusal:
                 return None, refusal
-        rows, refusal = self._walk(ways)
+        rows, refusal = judge_ways(self.hand, self.admissibility, self.X_WO, ways)
         if refusal:
             return None, refusal
         contacts = list(self.contacts)
@@ -201,21 +222,6 @@ class RollToPair:
             ),
             "",
         )
-
-    def _walk(self, ways: dict[int, Array]) -> tuple[list[Margins], str]:
-        """Return the margins of holding along all fingers' ``ways`` (K, J), and the first refusal; the end is asked first."""
-        states = {i: compute_finger_states(self.hand, i, way) for i, way in ways.items()}
-        count = len(next(iter(ways.values())))
-        rows: list[Margins] = []
-        for k in (count - 1, *range(count - 1)):
-            q = self.hand.q_home
-            for finger, way in ways.items():
-                q[finger] = way[k]
-            here = {i: rows_i[k] for i, rows_i in states.items()}
-            rows.append(self.admissibility.compute_margins_of(here, q, self.X_WO))
-            if not rows[-1].is_admissible:
-                return rows, rows[-1].refusal
-        return rows, ""
 
     def _check_lift(
         self, contacts: tuple[Placement | None, ...], pair: tuple[int, int], lifted: int

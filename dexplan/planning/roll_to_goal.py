@@ -7,19 +7,27 @@ from itertools import permutations
 
 import numpy as np
 
-from dexplan.planning.admissible import Admissibility, Margins, worst
+from dexplan.planning.admissible import Admissibility, worst
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import STEP, RollPlan, RollToPair, build_roll, end_placement, follow_roll
+from dexplan.planning.roll_gait import (
+    STEP,
+    RollPlan,
+    RollToPair,
+    build_roll,
+    end_placement,
+    follow_roll,
+    judge_ways,
+)
 from dexplan.spatial import Array
 
 ROLL_REACH = float(np.radians(45.0))
 """Contacts farther than this from their goals [rad] are not rolled all the way."""
 
-WIDER, FOLLOW = np.radians((0.5, 3.0, 8.0)), np.radians((0.0, 8.0))
-"""How much wider than needed a pair is rolled apart, and how far the third finger rolls along [rad]."""
+WIDER = np.radians((0.5, 3.0, 8.0))
+"""How much wider than needed a pair is rolled apart [rad]."""
 Contacts = tuple[Placement | None, ...]
 
 
@@ -93,15 +101,9 @@ def _roll(
         rolls.append(roll)
         postures[f] = q
         after[f] = end_placement(roll, here, q[-1])
-    rows: list[Margins] = []
-    for k in range(count):
-        q_all = hand.q_home
-        for f, q in postures.items():
-            q_all[f] = q[k]
-        row = admissibility.compute_margins(q_all, X_WO, tuple(sorted(postures)))
-        if not row.is_admissible:
-            return None
-        rows.append(row)
+    rows, refusal = judge_ways(hand, admissibility, X_WO, postures)
+    if refusal:
+        return None
     return Rolled(tuple(rolls), tuple(after), worst(rows))
 
 

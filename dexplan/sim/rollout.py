@@ -72,7 +72,7 @@ def rollout(
     columns["object_pose_reference"] = as_pose7(columns["object_pose_reference"])
     columns["initial_state"] = initial_state
     columns["physics_steps_per_sample"] = np.array(steps)
-    versions = {name: version(name) for name in ("mujoco", "mink", "osqp", "numpy", "scipy")}
+    versions = {name: version(name) for name in ("mujoco", "mink", "daqp", "osqp", "numpy", "scipy")}
     return Trace(
         scene.xml,
         columns,

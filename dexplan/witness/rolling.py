@@ -20,7 +20,7 @@ from dexplan.planning.admissible import Admissibility
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
 from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import as_roll, build_roll, end_placement, follow_roll
+from dexplan.planning.roll_gait import as_roll, build_roll, end_placement, follow_roll, judge_ways
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.replay import replay
@@ -116,27 +116,16 @@ class Stand:
             before = contacts[leg.finger]
             assert before is not None
             q, refusal = follow_roll(self.hand, self.plan.X_WO_start, leg, before.q)
-            refusal = refusal or self._check(judge, contacts, leg, q)
+            if not refusal:
+                ways = {c.finger: np.repeat(c.q[None], len(q), axis=0) for c in contacts if c is not None}
+                ways[leg.finger] = q
+                _, refusal = judge_ways(self.hand, judge, self.plan.X_WO_start, ways)
             if refusal:
                 return None, refusal
             contacts[leg.finger] = end_placement(leg, before, q[-1])
             actions.append(_build_action(first, tuple(contacts), leg))
         actions.append(replace(last, contacts_end=tuple(contacts)))
         return replace(self.plan, actions=tuple(actions), status=SOLVED), ""
-
-    def _check(self, judge: Admissibility, contacts: list[Placement | None], leg: Roll, q: Array) -> str:
-        """Return why the hand cannot carry a state on the way, "" if it can carry them all."""
-        posture = self.hand.q_home
-        for c in contacts:
-            if c is not None:
-                posture[c.finger] = c.q
-        holding = tuple(c.finger for c in contacts if c is not None)
-        for row in q:
-            posture[leg.finger] = row
-            margins = judge.compute_margins(posture, self.plan.X_WO_start, holding)
-            if not margins.is_admissible:
-                return margins.refusal
-        return ""
 
 
 def build_stands(profile: str) -> list[Stand]:
