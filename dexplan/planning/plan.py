@@ -54,6 +54,23 @@ class Placement:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class GoalContact:
+    """Where a finger has to touch in the end: contact point [m] and outward normal (3,) in the object frame."""
+
+    finger: int
+    point_O: Array
+    normal_O: Array
+
+    def __post_init__(self) -> None:
+        for name in ("point_O", "normal_O"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the goal contact as JSON data."""
+        return {"point_O": self.point_O.tolist(), "normal_O": self.normal_O.tolist()}
+
+
 @dataclass(frozen=True)
 class PlannedPhase:
     """One stretch of an action during which the demanded contacts do not change: its name and a demand per finger."""
@@ -98,7 +115,8 @@ class Plan:
     """The answer to a problem: ``status`` "solved", or why not and what would help in ``reason``.
 
     ``turned_angle`` is the signed unwrapped turn of the goal [rad], None where the goal is an attitude without an axis.
-    ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.
+    ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.  ``goal_contacts`` says per finger where
+    it has to touch in the end, None where it has to be free; None instead of the tuple where the goal names no contacts.
     """
 
     status: str
@@ -113,6 +131,7 @@ class Plan:
     actions: tuple[Action, ...]
     normal_force: float
     statistics: Mapping[str, float] = field(default_factory=dict)
+    goal_contacts: tuple[GoalContact | None, ...] | None = None
 
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_goal", "axis_W"):
@@ -144,13 +163,13 @@ class Plan:
                 "turned_angle_deg": None
                 if self.turned_angle is None
                 else round(float(np.degrees(self.turned_angle)), 12),
-                "contacts": None,
+                "contacts": None if self.goal_contacts is None else self._contacts(self.goal_contacts),
             },
             "actions": [self._action(k, action) for k, action in enumerate(self.actions)],
             "statistics": dict(self.statistics),
         }
 
-    def _contacts(self, contacts: tuple[Placement | None, ...]) -> dict[str, Any]:
+    def _contacts(self, contacts: tuple[Placement | GoalContact | None, ...]) -> dict[str, Any]:
         return {
             name: None if c is None else c.as_dict() for name, c in zip(self.fingers, contacts, strict=True)
         }
@@ -249,6 +268,8 @@ class Plan:
             for a in data["actions"]
         )
         goal = data["goal"]
+        # Older files say null for the goal contacts, or nothing.
+        wanted = goal.get("contacts")
         turned = goal["turned_angle_deg"]
         return cls(
             status=data["status"],
@@ -263,11 +284,18 @@ class Plan:
             actions=actions,
             normal_force=float(data["normal_force_N"]),
             statistics=data["statistics"],
+            goal_contacts=None
+            if wanted is None
+            else tuple(
+                None if (c := wanted[n]) is None else GoalContact(index[n], c["point_O"], c["normal_O"])
+                for n in names
+            ),
         )
 
     def explain(self) -> str:
         """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
         lines = [f"status: {self.status}" + (f" ({self.reason})" if self.reason else "")]
+        lines += self._goal_words()
         before = self.start_contacts
         for k, a in enumerate(self.actions):
             lines.append(f"{k + 1:3d}. {self._sentence(a, before)}")
@@ -277,6 +305,19 @@ class Plan:
                 )
             before = a.contacts_end
         return "\n".join(lines)
+
+    def _goal_words(self) -> list[str]:
+        """Return one line that says where the fingers have to touch in the end; none where the goal does not."""
+        if self.goal_contacts is None:
+            return []
+        words = []
+        for name, contact in zip(self.fingers, self.goal_contacts, strict=True):
+            if contact is None:
+                words.append(f"{name} free")
+                continue
+            az, el = angles_from_direction(contact.normal_O)
+            words.append(f"{name} at azimuth {az:.1f}, elevation {el:.1f} deg")
+        return [f"goal contacts (on the object): {'; '.join(words)}"]
 
     def _sentence(self, a: Action, before: tuple[Placement | None, ...]) -> str:
         holders = " and ".join(self.fingers[i] for i in a.grasping)

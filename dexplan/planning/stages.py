@@ -19,7 +19,7 @@ from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordin
 from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions, without_holds
-from dexplan.planning.plan import SOLVED, Action, Placement, Plan
+from dexplan.planning.plan import SOLVED, Action, GoalContact, Placement, Plan
 from dexplan.planning.planner import Start, plan_rotation
 from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.planning.still import StillContacts, build_landings
@@ -74,6 +74,11 @@ class Stages:
             if placement is None:
                 missing.append(self.hand.fingers[finger].name)
         return tuple(found), " and ".join(missing)
+
+    @property
+    def _goal_contacts(self) -> tuple[GoalContact | None, ...]:
+        closest = self.hand.object.surface.closest
+        return tuple(None if n is None else GoalContact(f, closest(n), n) for f, n in enumerate(self.goal))
 
     @property
     def is_goal_closed(self) -> bool:
@@ -177,6 +182,7 @@ class Stages:
             status=SOLVED,
             reason="",
             goal_kind=kind,
+            goal_contacts=self._goal_contacts,
             X_WO_goal=goal.X_WO_goal,
             axis_W=goal.axis_W,
             turned_angle=None if goal.is_attitude else goal.angle,
@@ -192,6 +198,7 @@ class Stages:
             status=status,
             reason=reason,
             goal_kind=kind,
+            goal_contacts=self._goal_contacts,
             X_WO_goal=goal.X_WO_goal,
             axis_W=goal.axis_W,
             turned_angle=None if goal.is_attitude else goal.angle,
