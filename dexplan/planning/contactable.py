@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dexplan.planning.icosphere import Icosphere, build_icosphere
 from dexplan.planning.pointing import can_point, is_same_finger, move_to_base, solve_pointing
 from dexplan.planning.spherical import FINE, LevelSet
-from dexplan.planning.spherical_wrist import Branch, SphericalWrist, find_spherical_wrist
+from dexplan.planning.spherical_wrist import SphericalWrist, find_sampled_branches, find_spherical_wrist
 from dexplan.scene.chain import compute_dexterity, compute_joint_margin, wrap_to_limits
 from dexplan.scene.workspace import Workspace, compute_aligned_pose
 from dexplan.spatial import Array, read_only
@@ -340,7 +340,7 @@ def _solve_closed(
     parts = [slice(end - len(ask.directions), end) for ask, end in zip(asks, ends, strict=True)]
     spare = np.full(len(positions), -np.inf)
     postures, reached = np.zeros((6, len(positions))), np.zeros(len(positions), dtype=bool)
-    own = [_find_branches(ask.finger.workspace) for ask in asks]
+    own = [find_sampled_branches(ask.finger.workspace) for ask in asks]
     for branch in dict.fromkeys(branch for branches in own for branch in branches):
         q, exists = wrist.solve(positions, poles, branch)
         margin = np.full(len(positions), -np.inf)
@@ -366,14 +366,6 @@ def _solve_closed(
     else:
         dexterity[rows] = wrist.compute_dexterity(postures[:, rows])
     return {n: (q[part], reached[part], dexterity[part]) for n, part in zip(questions, parts, strict=True)}
-
-
-@lru_cache(maxsize=24)
-def _find_branches(workspace: Workspace) -> tuple[Branch, ...]:
-    """Return the branches of the closed form that sampled postures lie on."""
-    wrist = find_spherical_wrist(workspace.chain)
-    assert wrist is not None
-    return wrist.find_branches(workspace.postures)
 
 
 def _judge(question: Question, q: Array, reached: NDArray[np.bool_], dexterity: Array) -> Answer:

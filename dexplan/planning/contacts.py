@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.planning.admissible import FingerState, compute_finger_states
+from dexplan.planning.aligned import build_aligned
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Candidates, Held, Landfall, Landing
 from dexplan.planning.legs import STEP, Leg
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
-from dexplan.planning.orbits import Orbit, build_aligned, build_fixed_orbit, build_orbits
+from dexplan.planning.orbits import Orbit, build_fixed_orbit, build_orbits
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import ORDER_GAP, compute_pair_angle_max, compute_regions
 from dexplan.planning.theorems import check_theorem_1
@@ -290,12 +291,8 @@ class ContactTable:
         if not len(found):
             return nothing, nothing
         normals = rows.normals[found]
-        tips = self._tip(finger, normals)
-        fits = self.keep_order({**{h.finger: self.normal(h) for h in one.held}, finger: normals})
-        for h in one.held:
-            radii = self.hand.fingers[finger].tip_radius + self.hand.fingers[h.finger].tip_radius
-            gaps = np.linalg.norm(tips - self._tip(h.finger, self.normal(h)), axis=1) - radii
-            fits &= gaps > self.hand.limits.clearance
+        held = {h.finger: self.normal(h) for h in one.held}
+        fits = self.keep_order({**held, finger: normals}) & self.are_apart(finger, normals, held)
         found = found[fits]
         if not len(found):
             return nothing, nothing
@@ -326,6 +323,15 @@ class ContactTable:
             order = [int(k) for k in np.argsort(-score, kind="stable") if lasting[k] >= 0 and k not in best]
             best += order[: count - len(best)]
         return [Landing(rows.pick(one.finger, int(near[k])), int(lasting[k]), float(load[k])) for k in best]
+
+    def are_apart(self, finger: int, normals: Array, held: dict[int, Array]) -> NDArray[np.bool_]:
+        """Return whether the finger's tip at contacts along ``normals`` (N, 3) keeps clear of the tips of those ``held`` (N,)."""
+        tips, apart = self._tip(finger, normals), np.ones(len(normals), dtype=bool)
+        for other, normal in held.items():
+            radii = self.hand.fingers[finger].tip_radius + self.hand.fingers[other].tip_radius
+            gaps = np.linalg.norm(tips - self._tip(other, normal), axis=1) - radii
+            apart &= gaps > self.hand.limits.clearance
+        return apart
 
     def _tip(self, finger: int, normals: Array) -> Array:
         radius = self.hand.fingers[finger].tip_radius

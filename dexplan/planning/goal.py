@@ -69,6 +69,18 @@ def build_routes(goal: RotationGoal, swings: tuple[Array, ...] = ()) -> list[tup
     return [_build_legs(goal, way, order) for order in orders for way in turns]
 
 
+def build_detours(goal: RotationGoal, axis_W: Array, angle: float) -> list[tuple[Leg, ...]]:
+    """Return routes to the goal on which the object first turns by ``angle`` [rad] about the unit ``axis_W`` (3,).
+
+    Where the goal is an attitude they go on from there; else the turn asked for comes next, and what was turned first is undone.
+    """
+    legs = [Leg(goal.X_WO_start, axis_W, angle)]
+    if not goal.is_attitude:
+        legs.append(Leg(legs[0].X_WO_end, goal.axis_W, goal.angle))
+    rest = RotationGoal.from_attitude(legs[-1].X_WO_end, goal.X_WO_goal[:3, :3], goal.shift_W)
+    return [(*legs, *route) for route in build_routes(rest)]
+
+
 def _build_legs(goal: RotationGoal, turns: list[tuple[Array, float]], shift: str) -> tuple[Leg, ...]:
     legs: list[Leg] = []
     X = goal.X_WO_start

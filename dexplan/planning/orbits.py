@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import Leg
+from dexplan.planning.lone_clearance import remember_clearances
+from dexplan.planning.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.planning.travel import wrap_near
-from dexplan.scene.chain import compute_dexterity
-from dexplan.spatial import Array, build_frame, make_pose, read_only
+from dexplan.spatial import Array, make_pose, read_only
 
 _JUMP = 0.30
 """Joint steps between neighbouring stations beyond this mean another branch [rad]."""
@@ -54,23 +55,13 @@ class Orbit:
         return q
 
 
-def build_aligned(hand: HandModel, finger: int, center: Array, normals: Array) -> Array:
-    """Return tip poses (N, 4, 4) that touch an object at ``center`` (3,) along ``normals`` (N, 3), poles along the normals."""
-    X = np.zeros((len(normals), 4, 4))
-    for row, normal in enumerate(normals):
-        X[row, :3, :3] = build_frame(-normal)
-    X[:, :3, 3] = center + hand.object.surface.closest(normals) + hand.fingers[finger].tip_radius * normals
-    X[:, 3, 3] = 1.0
-    return X
-
-
 def build_orbits(hand: HandModel, leg: Leg, finger: int, X_first: Array, normals: Array) -> list[Orbit]:
     """Return the orbits of contacts with the tip poses ``X_first`` (M, 4, 4) and ``normals`` (M, 3) at station 0.
 
     The spin of each landing is chosen so that the roll of the tip is centred over the run.
     """
     N, X_WF = _carry_along(leg, X_first, normals)
-    q, ok, why = _solve(hand, finger, leg, N, X_WF)
+    q, ok, why = _solve(hand, finger, leg, N, X_WF, is_aligned=True)
     return [
         Orbit(
             finger,
@@ -141,7 +132,7 @@ def _carry_along(leg: Leg, X_first: Array, normals: Array) -> tuple[Array, Array
 
 
 def _solve(
-    hand: HandModel, finger: int, leg: Leg, normals: Array, X_WF: Array
+    hand: HandModel, finger: int, leg: Leg, normals: Array, X_WF: Array, is_aligned: bool = False
 ) -> tuple[Array, NDArray[np.bool_], list[list[str]]]:
     """Return postures (M, K, J), which stations the finger can hold (M, K), and why not where it cannot."""
     description, limits, workspace = hand.fingers[finger], hand.limits, hand.workspaces[finger]
@@ -151,14 +142,14 @@ def _solve(
     ok = np.zeros(near.shape, dtype=bool)
     reason = np.full(near.shape, "the end of its workspace", dtype=object)
     if near.any() and len(workspace.postures):
-        solved, reached = workspace.solve(X_WF[near])
+        solved, reached = solve_tip_pose(workspace, X_WF[near])
         fixed = solved[:, :-1] if description.chain.has_tip_roll else solved
         lower, upper = description.chain.lower[: fixed.shape[1]], description.chain.upper[: fixed.shape[1]]
         room = np.minimum(fixed - lower, upper - fixed)
         inside = room.min(axis=1) >= limits.joint_margin
         away = np.zeros(len(solved), dtype=bool)
         away[reached & inside] = (
-            compute_dexterity(description.chain, solved[reached & inside]) >= limits.dexterity
+            estimate_dexterity(description.chain, solved[reached & inside]) >= limits.dexterity
         )
         q[near], ok[near] = solved, reached & inside & away
         texts = np.array(
@@ -166,7 +157,14 @@ def _solve(
         )
         why = np.where(inside, "a singular posture", texts[room.argmin(axis=1)])
         reason[near] = np.where(reached, why, "the end of its workspace")
-        _look_around(hand, finger, leg, q, ok, reason)
+        if is_aligned and not leg.is_shift:
+            refusals = np.array(
+                remember_clearances(hand).refuse(finger, leg.center, normals[ok]), dtype=object
+            )
+            reason[ok] = np.where(refusals == "", reason[ok], refusals)
+            ok[ok] = refusals == ""
+        else:
+            _look_around(hand, finger, leg, q, ok, reason)
     return q, ok, [list(row) for row in reason]
 
 
@@ -221,17 +219,35 @@ def _measure_runs(
                 end = "a singular posture" if ok[there] else why[there]
             else:
                 end = "the end of the shift" if leg.is_shift else "a whole turn"
-            stretch = value[first : last + 1]
-            for j in range(first, min(last + 1, count)):
-                ahead = stretch[j - first :]
-                high, low = np.maximum.accumulate(ahead), np.minimum.accumulate(ahead)
-                fits = high - low <= room
-                many = len(ahead) if fits.all() else int(fits.argmin())
-                here = order[j]
-                carry[here] = min(many, count) - 1
-                limit[here] = end if many == len(ahead) else "the limit of its last joint"
-                if rolls:
-                    centred = 0.5 * (low[carry[here]] + high[carry[here]]) - ahead[0]
-                    spin[here] = sign * (middle - q[here, -1] - centred)
+            begun = np.arange(first, min(last + 1, count))
+            many, low, high = _measure_windows(value[first : last + 1], len(begun), room, count)
+            here = order[begun]
+            carry[here] = many - 1
+            whole = (begun + many == last + 1) | (many == count)
+            for station, is_whole in zip(here.tolist(), whole.tolist(), strict=True):
+                limit[station] = end if is_whole else "the limit of its last joint"
+            if rolls:
+                centred = 0.5 * (low + high) - value[begun]
+                spin[here] = sign * (middle - q[here, -1] - centred)
         first = last + 1
     return carry, read_only(spin), tuple(limit)
+
+
+def _measure_windows(
+    value: Array, starts: int, room: float, longest: int
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return for each of the first ``starts`` entries of ``value`` how many from there on, at most ``longest``, stay within
+    ``room`` of one another, and the least and greatest of them (starts,).
+    """
+    if len(value) <= longest and np.ptp(value) <= room:  # all that follow do
+        low = np.minimum.accumulate(value[::-1])[::-1]
+        high = np.maximum.accumulate(value[::-1])[::-1]
+        return np.arange(len(value), len(value) - starts, -1), low[:starts], high[:starts]
+    many, low, high = np.zeros(starts, dtype=np.intp), np.zeros(starts), np.zeros(starts)
+    for j in range(starts):
+        ahead = value[j : j + longest]
+        most, least = np.maximum.accumulate(ahead), np.minimum.accumulate(ahead)
+        fits = most - least <= room
+        many[j] = len(ahead) if fits.all() else int(fits.argmin())
+        low[j], high[j] = least[many[j] - 1], most[many[j] - 1]
+    return many, low, high

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -9,8 +10,9 @@ import numpy as np
 
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.contacts import ContactTable
+from dexplan.planning.escape import count_room, find_escapes
 from dexplan.planning.gaits import build_actions
-from dexplan.planning.goal import VERTICAL, RotationGoal, build_routes
+from dexplan.planning.goal import VERTICAL, RotationGoal, build_detours, build_routes
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held
 from dexplan.planning.legs import Leg
@@ -107,17 +109,16 @@ class _Planning:
         """Return the plan."""
         if refusal := self._check_goal():
             return self._refuse("goal_unreachable", refusal)
-        routes = build_routes(self.goal, self._choose_swings())
-        first = GaitSearch(self.hand, routes[0], self._admissibility, self.primitives)
+        first = GaitSearch(self.hand, build_routes(self.goal)[0], self._admissibility, self.primitives)
         self.searches.append(first)
         if refused := self._begin_first(first):
             return refused
-        pair_missing = self.start is not None and not first.tables[0].has_pair(self._held(first))
+        pair_missing = self.start is not None and not first.tables[0].has_pair(
+            self._find_held(first.tables[0])
+        )
+        proposals = self._propose(first.tables[0])
         for patience in (*PATIENCE, self.node_budget):
-            for index, route in enumerate(routes):
-                if index == len(self.searches):
-                    self.searches.append(self._begin(route))
-                search = self.searches[index]
+            for search in self._take_turns(proposals):
                 left = self.node_budget - int(self.statistics["nodes"])
                 if (node := search.run(min(patience, left))) is not None:
                     return self._build(search, node)
@@ -171,12 +172,39 @@ class _Planning:
                     swings.append(chord / np.linalg.norm(chord))
         return tuple(swings)
 
+    def _propose(self, table: ContactTable) -> Iterator[tuple[Leg, ...]]:
+        """Yield all routes but the first: those of the goal, and those on which the start grasp first turns to where there is room.
+
+        ``table`` is that of the first route's first leg.
+        """
+        straight = build_routes(self.goal, self._choose_swings())[1:]
+        held = () if self.start is None else self._find_held(table)
+        if len(held) != 2:
+            yield from straight
+            return
+        pair = (held[0], held[1])
+        is_stuck = not count_room(table, pair)
+        if not is_stuck:
+            yield from straight
+        detours = [build_detours(self.goal, e.axis_W, e.angle) for e in find_escapes(table, pair)]
+        yield from (ways[0] for ways in detours)
+        if is_stuck:
+            yield from straight
+        yield from (way for ways in detours for way in ways[1:])
+
+    def _take_turns(self, proposals: Iterator[tuple[Leg, ...]]) -> Iterator[GaitSearch]:
+        """Yield every search begun, then one for each route that has not been begun yet."""
+        yield from list(self.searches)
+        for route in proposals:
+            self.searches.append(self._begin(route))
+            yield self.searches[-1]
+
     def _begin(self, route: tuple[Leg, ...]) -> GaitSearch:
         search = GaitSearch(self.hand, route, self._admissibility, self.primitives)
         if self.start is None:
             for pair, promise, load in search.tables[0].start_pairs():
                 search.begin(pair, promise, load)
-        elif held := self._held(search):
+        elif held := self._find_held(search.tables[0]):
             search.begin(held)
         return search
 
@@ -190,11 +218,11 @@ class _Planning:
             return table.start_at(finger, self.goal.X_WO_start @ given)
         return table.start_along(finger, given)
 
-    def _held(self, search: GaitSearch) -> tuple[Held, ...]:
-        """Return the start contacts on a search's first leg; none where one of them is out of reach."""
+    def _find_held(self, table: ContactTable) -> tuple[Held, ...]:
+        """Return the start contacts on the first leg of a route; none where one of them is out of reach."""
         assert self.start is not None
         fingers = [i for i, given in enumerate(self.start) if given is not None]
-        held = [self._contact(search.tables[0], i) for i in fingers]
+        held = [self._contact(table, i) for i in fingers]
         return tuple(h for h in held if h is not None) if all(held) else ()
 
     def _begin_first(self, search: GaitSearch) -> Plan | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dexplan.planning.aligned import build_aligned
 from dexplan.planning.hand import HandModel
-from dexplan.planning.orbits import build_aligned
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.scene.chain import compute_joint_margin
 from dexplan.spatial import Array

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dexplan.planning.admissible import Admissibility, FingerState, Margins, compute_finger_states
+from dexplan.planning.aligned import build_aligned
 from dexplan.planning.hand import HandModel
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
-from dexplan.planning.orbits import build_aligned
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import compute_pair_angle_max, keeps_order
 from dexplan.planning.travel import build_travel, compute_hover
