@@ -23,6 +23,9 @@ _STEPS = 12
 """Newton steps to the smallest eigenvalue: the first halve what is left at worst, the last ones square it."""
 
 
+ROOM = float(np.radians(6.0))
+"""Joints this far from their limits have room enough [rad]."""
+
 Branch = tuple[int, int, int]
 """Signs of shoulder, elbow and wrist."""
 
@@ -215,8 +218,9 @@ def find_sampled_branches(workspace: Workspace) -> tuple[Branch, ...]:
 def solve_tip_pose(workspace: Workspace, X_WF: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Return postures (N, J) for tip poses (N, 4, 4) and which were reached (N,): as :meth:`Workspace.solve`, faster.
 
-    Of the branches that the workspace knows, the one that leaves the joints more room.  Chains of another build go the general
-    way.  Raises ValueError where the workspace is empty.
+    The branch on which most of the workspace lies, the home posture's, is taken wherever it leaves the joints ``ROOM``: from
+    there a finger gets home without turning its wrist over.  Elsewhere it is the branch that leaves them most.  Chains of
+    another build go the general way.  Raises ValueError where the workspace is empty.
     """
     chain, wrist = workspace.chain, find_spherical_wrist(workspace.chain)
     if wrist is None or not len(workspace.postures):
@@ -227,7 +231,7 @@ def solve_tip_pose(workspace: Workspace, X_WF: Array) -> tuple[Array, NDArray[np
     for branch in find_sampled_branches(workspace):
         q, exists = wrist.solve(positions, poles, branch)
         room = np.minimum(q[:5] - chain.lower[:5, None], chain.upper[:5, None] - q[:5]).min(axis=0)
-        better = exists & (room > spare)
+        better = exists & (room > spare) & (spare < ROOM)
         postures[:, better], spare[better] = q[:, better], room[better]
         reached |= better
     found = np.ascontiguousarray(postures.T)
