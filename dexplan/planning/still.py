@@ -12,8 +12,9 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import compute_pair_angle_max, keeps_order
+from dexplan.planning.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.planning.travel import build_travel, compute_hover
-from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
+from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
 from dexplan.scene.workspace import spread_directions
 from dexplan.spatial import Array, invert_pose
 
@@ -34,11 +35,11 @@ def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) 
     if not len(workspace.postures) or not len(normals_O):
         return [None] * len(normals_O)
     normals_W = normals_O @ X_WO[:3, :3].T
-    q, reached = workspace.solve(build_aligned(hand, finger, X_WO[:3, 3], normals_W))
+    q, reached = solve_tip_pose(workspace, build_aligned(hand, finger, X_WO[:3, 3], normals_W))
     if chain.has_tip_roll:
         q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
     usable = reached & (compute_joint_margin(chain, q) >= limits.joint_margin)
-    usable[usable] = compute_dexterity(chain, q[usable]) >= limits.dexterity
+    usable[usable] = estimate_dexterity(chain, q[usable]) >= limits.dexterity
     X_OF = invert_pose(X_WO) @ compute_tip_pose(chain, q)
     surface = hand.object.surface
     return [
@@ -50,9 +51,9 @@ def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) 
 def land_again(hand: HandModel, X_WO: Array, placement: Placement) -> Placement | None:
     """Return the same contact, tip pose in the object and all, with the object at ``X_WO`` (4, 4); None out of reach."""
     description, limits = hand.fingers[placement.finger], hand.limits
-    q, reached = hand.workspaces[placement.finger].solve((X_WO @ placement.X_OF)[None])
+    q, reached = solve_tip_pose(hand.workspaces[placement.finger], (X_WO @ placement.X_OF)[None])
     good = reached[0] and compute_joint_margin(description.chain, q[0]) >= limits.joint_margin
-    if not good or compute_dexterity(description.chain, q[0]) < limits.dexterity:
+    if not good or float(estimate_dexterity(description.chain, q)[0]) < limits.dexterity:
         return None
     return replace(placement, q=q[0])
 
