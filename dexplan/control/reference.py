@@ -279,7 +279,8 @@ class _PhaseBuilder:
             comes = compute_hover(
                 who, action.X_WO_end, placement.X_OF, placement.normal_O, placement.q, self.timing.hover
             )
-        return build_journey(who, self.hovering.pop(finger, None), comes, motion)
+        leaves = self.hovering.pop(finger, None)
+        return action.way if action.way is not None else build_journey(who, leaves, comes, motion)
 
     def _carry(self) -> float:
         """Follow the holding fingers through the motion; return the progress per second at which no contact drifts too much."""
@@ -307,7 +308,9 @@ class _PhaseBuilder:
         assert placement is not None
         _, after, light = self._shares()
         hover = compute_hover(who, X_WO, placement.X_OF, placement.normal_O, placement.q, timing.hover)
-        way = build_travel(who, who.q_home, hover, X_WO[:3, 3])
+        way = self.action.way
+        if way is None:
+            way = build_travel(who, who.q_home, hover, X_WO[:3, 3])
         landing = {"finger": finger, "X_OF": placement.X_OF, "normal_O": placement.normal_O}
         both = tuple(sorted((*self._held, finger)))
         self.postures[finger] = placement.q
@@ -328,8 +331,10 @@ class _PhaseBuilder:
         rest = tuple(i for i in self._held if i != finger)
         posture = self.postures.pop(finger)
         lifted = compute_hover(who, X_WO, placement.X_OF, placement.normal_O, posture, timing.hover)
-        # The way back is the way there: planned, and checked for clearance, from home.
-        way = build_travel(who, who.q_home, lifted, X_WO[:3, 3])[::-1]
+        # The arc back is the arc there: planned, and checked for clearance, from home.
+        way = self.action.way
+        if way is None:
+            way = build_travel(who, who.q_home, lifted, X_WO[:3, 3])[::-1]
         two = {"finger": finger, "holding": rest, "load_start": after, "load_end": after}
         leaving = [
             self._phase(0, timing.unload, load_end=light),

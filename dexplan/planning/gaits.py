@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.planning.travel import Way
 from dexplan.spatial import Array
 
 
@@ -18,7 +19,8 @@ class Step:
 
     ``contacts`` hold during the motion from ``X_WO_start`` to ``X_WO_end``, a turn by ``angle`` [rad] about ``axis_W`` (None: the
     axis of the whole gait) or a straight shift; before it ``placed`` came down and finger ``lifted`` went up, as part of a finger
-    rewind if ``is_rewind``.  ``limit`` is the limiting finger (or None) and what ended the motion.
+    rewind if ``is_rewind``.  ``limit`` is the limiting finger (or None) and what ended the motion.  ``ways`` holds by finger the
+    ways between home and hover that are not the arc.
     """
 
     contacts: tuple[Placement, ...]
@@ -32,6 +34,7 @@ class Step:
     place_margins: Mapping[str, float] = field(default_factory=dict)
     axis_W: Array | None = None
     is_rewind: bool = False
+    ways: Mapping[int, Way] = field(default_factory=dict)
 
     @property
     def is_still(self) -> bool:
@@ -77,16 +80,18 @@ def _place(contacts: list[Placement | None], step: Step, previous: Step, still: 
     ]
     contacts[finger] = step.placed
     phases.append(PlannedPhase("load", _touch(contacts, {})))
+    way = step.ways.get(finger)
     return Action(
         kind="place",
         finger=finger,
         grasping=before,
         contacts_end=tuple(contacts),
         phases=tuple(phases),
-        why=f"{_gait(step)}it forms a force-closure grasp with finger {partner + 1}",
+        why=f"{_gait(step)}it forms a force-closure grasp with finger {partner + 1}{_around(way)}",
         limiting_finger=previous.limit[0],
         limit=previous.limit[1],
         margins=step.place_margins,
+        way=None if way is None else way.postures,
         **still,
     )
 
@@ -103,22 +108,28 @@ def _lift(contacts: list[Placement | None], step: Step, previous: Step, still: d
         PlannedPhase("retreat", _touch(contacts, {step.lifted: MAY})),
         PlannedPhase("travel", _touch(contacts, {})),
     ]
+    way = step.ways.get(step.lifted)
     return Action(
         kind="lift",
         finger=step.lifted,
         grasping=_holding(contacts),
         contacts_end=tuple(contacts),
         phases=tuple(phases),
-        why=f"{_gait(step)}{stands_in}{ended}",
+        why=f"{_gait(step)}{stands_in}{ended}{_around(way)}",
         limiting_finger=limiting,
         limit=limit,
         margins=step.place_margins,
+        way=None if way is None else way.postures[::-1],
         **still,
     )
 
 
 def _gait(step: Step) -> str:
     return "finger rewind: " if step.is_rewind else ""
+
+
+def _around(way: Way | None) -> str:
+    return f"; a detour keeps {way.around} apart" if way is not None else ""
 
 
 def _move(contacts: list[Placement | None], step: Step, axis_W: Array) -> Action:

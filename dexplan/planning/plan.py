@@ -87,7 +87,8 @@ class Action:
     the object throughout; ``rolls`` how some of them roll on it meanwhile, at the progress of the object's motion.
     ``X_WO_start`` and ``X_WO_end`` (4, 4) bound that motion, a turn by ``angle`` [rad] about the world axis ``axis_W`` (3,) with
     a straight shift.  ``limiting_finger`` and ``limit`` say what ended a motion; ``margins`` what was left at its worst sample.
-    ``contacts_end`` has one entry per finger, None where it is free.
+    ``contacts_end`` has one entry per finger, None where it is free.  ``way`` (K, J) are the postures [rad] that the free finger
+    goes through where something is in the way of the arc that it would take; None: the arc, or no finger travels.
     """
 
     kind: str
@@ -104,10 +105,13 @@ class Action:
     limit: str | None = None
     margins: Mapping[str, float] = field(default_factory=dict)
     rolls: tuple[Roll, ...] = ()
+    way: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_end", "axis_W"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
+        if self.way is not None:
+            object.__setattr__(self, "way", read_only(self.way))
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,6 +205,7 @@ class Plan:
                 }
                 for roll in action.rolls
             ],
+            **({} if action.way is None else {"way": action.way.tolist()}),
             "margins": dict(action.margins),
             "phases": [
                 {"name": p.name, "touch": dict(zip(self.fingers, p.touch, strict=True))}
@@ -264,6 +269,7 @@ class Plan:
                     Roll(index[r["finger"]], np.stack([_matrix(X) for X in r["X_OF"]]), r["normal_O"])
                     for r in a.get("rolls", ())
                 ),
+                way=None if a.get("way") is None else np.array(a["way"], dtype=np.float64),
             )
             for a in data["actions"]
         )

@@ -10,7 +10,7 @@ by the judge itself.  Nothing here knows how many fingers there are, where they 
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held, Landfall
 from dexplan.planning.legs import Leg
 from dexplan.planning.nodes import Node, build_steps, trace_back
-from dexplan.planning.states import StateChecks, without_numbers
+from dexplan.planning.states import DETOUR_COST, StateChecks, without_numbers
 
 TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)
 """Shares of the longest possible motion after which a finger is exchanged."""
@@ -189,12 +189,21 @@ class GaitSearch:
             if clearances[-1][0] >= limits.clearance:
                 if refusal := checks.refuse_together((*before, node.placed)) or checks.refuse(node.held):
                     return refusal
-                clearances.append(checks.clear_on_way(node.placed, before, node.done))
+                clearances.append(checks.clear_on_way(node.placed, before, node.done, node))
         if min(clearances, default=(np.inf, ""))[0] >= limits.clearance:
-            clearances.append(checks.clear_on_way(node.lifted, node.held, node.done))
+            clearances.append(checks.clear_on_way(node.lifted, node.held, node.done, node))
         least, names = min(clearances)
         node.place_margins = {"clearance_mm": 1e3 * least}
-        return f"{names} come within {1e3 * least:.1f} mm on the way" if least < limits.clearance else ""
+        if least >= limits.clearance:
+            return ""
+        refusal = f"{names} come within {1e3 * least:.1f} mm on the way"
+        if checks.has_looked_around(node):
+            return f"{refusal}, and there is no way around"
+        if checks.put_off(node):
+            # Where arcs do not lead to the goal it is asked again, and may take a detour.
+            node.placements += DETOUR_COST
+            self._push(node)
+        return refusal
 
     def _ends_leg(self, node: Node) -> bool:
         """Return whether the node's grasp takes the object to the end of its leg, all stations checked."""
@@ -364,4 +373,7 @@ class GaitSearch:
     def steps(self, node: Node) -> list[Step]:
         """Return the way to ``node`` and on to the goal as symbolic steps."""
         way = trace_back(node)
-        return build_steps(self.tables, way, self._motions(way))
+        steps = build_steps(self.tables, way, self._motions(way))
+        return [
+            replace(s, ways=self._checks[n.leg].detours.get(n, {})) for s, n in zip(steps, way, strict=True)
+        ]

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from dexplan.planning.admissible import Admissibility, Margins
 from dexplan.planning.contacts import ContactTable
+from dexplan.planning.detour import Surroundings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held
 from dexplan.planning.loads import compute_contact_torques, compute_pair_loads, sure_share
-from dexplan.planning.travel import build_travel, compute_hover
+from dexplan.planning.travel import Way, build_travel, compute_hover, find_way
 from dexplan.spatial import Array, make_pose
 
 SURE, UNKNOWN, NEVER = 1, 0, -1
@@ -25,6 +26,10 @@ _SLACK = 1.02
 """The quick answer searches on a grid: a cone is exceeded for sure only by this factor."""
 _SAMPLE = 5
 """A finger's own weight is computed at one of so many stations."""
+DETOUR_COST = 2
+"""A relocation by a detour counts as so many placements more: where arcs do, they are taken."""
+PATIENCE = 12
+"""So many detours are looked for in vain; after that what is in the way of an arc is believed."""
 OVERLOAD = "the contacts cannot carry the load (friction)"
 
 Key = tuple[tuple[int, int, int], ...]
@@ -46,7 +51,13 @@ class StateChecks:
         self._together: dict[Key, str] = {}
         self._loads: dict[Key, NDArray[np.int8]] = {}
         self._bias: dict[tuple[int, int], Array] = {}
-        self._ways: dict[tuple[int, int, int], Array] = {}
+        self._arcs: dict[tuple[int, int, int], Array] = {}
+        self._ways: dict[tuple[tuple[int, int, int], Key, bool], Way] = {}
+        self._put_off: set[object] = set()
+        self._blocked: set[object] = set()
+        self._failures = 0
+        self.detours: dict[object, dict[int, Way]] = {}
+        """The detours that were found for whoever asked for them, by finger."""
 
     @property
     def count(self) -> int:
@@ -161,23 +172,59 @@ class StateChecks:
             self._postures(held), self._table.leg.pose(done), tuple(h.finger for h in held)
         )
 
-    def clear_on_way(self, moving: Held, holding: tuple[Held, ...], done: int) -> tuple[float, str]:
+    def clear_on_way(
+        self, moving: Held, holding: tuple[Held, ...], done: int, asker: object
+    ) -> tuple[float, str]:
         """Return the clearance [m] between a finger's home and its hover over a contact while ``holding`` hold.
 
-        The rest of the way is along the normal.
+        The rest of the way is along the normal.  At first the way is the arc; once ``asker`` has been put off it may be a detour.
         """
-        X_WO = self._table.leg.pose(done)
-        path = self._ways.get(where(moving))
-        if path is None:
-            hand, finger = self._hand, self._hand.fingers[moving.finger]
-            placement = self._table.placement(moving, done)
-            hover = compute_hover(finger, X_WO, placement.X_OF, placement.normal_O, placement.q, hand.hover)
-            path = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
-            self._ways[where(moving)] = path
+        looks_around = self.has_looked_around(asker)
+        way = self._find_way(moving, holding, done, looks_around)
+        if way.around:
+            self.detours.setdefault(asker, {})[moving.finger] = way
+        elif way.clearance < self._hand.limits.clearance:
+            ends = way.postures[[0, -1]]
+            if (
+                self._around(moving, holding, done).compute_way_clearance(ends)[0]
+                >= self._hand.limits.clearance
+            ):
+                self._blocked.add(asker)
+        return way.clearance, way.names
+
+    def put_off(self, asker: object) -> bool:
+        """Return whether ``asker`` was refused for what is in the way of an arc only; from now on its ways may be detours."""
+        may = asker in self._blocked
+        if may:
+            self._put_off.add(asker)
+        return may
+
+    def has_looked_around(self, asker: object) -> bool:
+        """Return whether ``asker``'s ways may be detours already."""
+        return asker in self._put_off
+
+    def _find_way(self, moving: Held, holding: tuple[Held, ...], done: int, looks_around: bool) -> Way:
+        key = where(moving), _key(holding), looks_around
+        if key not in self._ways:
+            X_WO, finger = self._table.leg.pose(done), self._hand.fingers[moving.finger]
+            arc = self._arcs.get(where(moving))
+            if arc is None:
+                placement = self._table.placement(moving, done)
+                hover = compute_hover(
+                    finger, X_WO, placement.X_OF, placement.normal_O, placement.q, self._hand.hover
+                )
+                arc = self._arcs[where(moving)] = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
+            around = self._around(moving, holding, done)
+            way = find_way(around, arc, looks_around and self._failures < PATIENCE)
+            if looks_around and not way.around and way.clearance < self._hand.limits.clearance:
+                self._failures += 1
+            self._ways[key] = way
+        return self._ways[key]
+
+    def _around(self, moving: Held, holding: tuple[Held, ...], done: int) -> Surroundings:
         fingers = tuple(h.finger for h in holding)
-        return self._admissibility.compute_path_clearance(
-            self._postures(holding), X_WO, moving.finger, path, fingers
-        )
+        pose = self._table.leg.pose(done)
+        return Surroundings(self._hand, self._postures(holding), pose, moving.finger, fingers)
 
 
 def without_numbers(refusal: str) -> str:

@@ -1,16 +1,52 @@
-"""How a free fingertip gets from one place to another: along an arc around the object."""
+"""How a free fingertip gets from one place to another: along an arc around the object, or around what is in that arc's way.
+
+All ways come from here.  An arc needs no memory, it follows from its ends; a detour is kept in the plan as it was found.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from dexplan.planning.detour import Surroundings, find_detour
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose, solve_ik
 from dexplan.scene.description import FingerDescription
-from dexplan.spatial import Array
+from dexplan.spatial import Array, read_only
 
 SAMPLES = 17
 """Postures along one path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The ``postures`` (K, J) [rad] of a free finger's way, and its ``clearance`` [m], which is between ``names``.
+
+    ``around`` names what was in the way of the arc where this is a detour; "" for the arc itself.
+    """
+
+    postures: Array
+    clearance: float
+    names: str
+    around: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "postures", read_only(self.postures))
+
+
+def find_way(around: Surroundings, arc: Array, looks_around: bool = True) -> Way:
+    """Return the ``arc`` (K, J) where it is clear in the surroundings, else a detour between its ends.
+
+    Where there is no detour, or with ``looks_around`` False, it is the arc again, with too little clearance and who blocks it.
+    """
+    clearance, names = around.compute_way_clearance(arc)
+    if clearance >= around.hand.limits.clearance or not looks_around:
+        return Way(arc, clearance, names)
+    found = find_detour((around,), arc[0], arc[-1])
+    if found.way is None:
+        return Way(arc, *min((clearance, names), (found.clearance, found.names)))
+    return Way(found.way, found.clearance, found.names, names)
 
 
 def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center: Array) -> Array:
