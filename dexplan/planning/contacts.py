@@ -18,6 +18,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Candidates, Held, Landfall, Landing
 from dexplan.planning.legs import STEP, Leg
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
+from dexplan.planning.lone_clearance import remember_clearances
 from dexplan.planning.orbits import Orbit, build_fixed_orbit, build_orbits
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import ORDER_GAP, compute_pair_angle_max, compute_regions
@@ -89,10 +90,15 @@ class ContactTable:
             offset = len(self.orbits)
             self.orbits += built
             rows = [(offset + i, int(k)) for i, o in enumerate(built) for k in np.flatnonzero(o.is_reached)]
+            normals = np.array([self.orbits[i].normals[k] for i, k in rows]).reshape(-1, 3)
+            if not self.leg.is_shift:
+                blocked = remember_clearances(self.hand).refuse_landing(finger, self.leg.center, normals)
+                free = [n for n, refusal in enumerate(blocked) if not refusal]
+                rows, normals = [rows[n] for n in free], normals[free]
             found[finger] = Candidates(
                 orbit=np.array([i for i, _ in rows], dtype=np.intp),
                 station=np.array([k for _, k in rows], dtype=np.intp),
-                normals=np.array([self.orbits[i].normals[k] for i, k in rows]).reshape(-1, 3),
+                normals=normals,
                 carry=np.array([self.orbits[i].carry[k] for i, k in rows], dtype=np.intp),
             )
         return found

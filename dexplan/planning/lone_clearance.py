@@ -1,5 +1,6 @@
-"""How near does a finger that touches come to anything, all others at home?  Asked once per finger, place and direction.
+"""Does a finger that touches, or hovers over its contact, come too near to anything, all others at home?
 
+Asked once per finger, place and direction.
 A tip that touches a sphere with its pole along the normal holds the finger's links in one place whatever the spin, so that the
 answer belongs to the direction alone.  Directions are those of a grid as fine as the stations at which orbits are looked at.
 """
@@ -31,35 +32,46 @@ class LoneClearance:
     """
 
     hand: HandModel
-    _known: dict[tuple[int, tuple[float, float, float], int], str] = field(default_factory=dict)
+    _known: dict[tuple[int, tuple[float, float, float], int], tuple[str, str]] = field(default_factory=dict)
 
-    def refuse(self, finger: int, center: Array, normals: Array) -> list[str]:
+    def refuse_contact(self, finger: int, center: Array, normals: Array) -> list[str]:
         """Return for outward ``normals`` (N, 3) what comes too near to a finger that touches there; "" where nothing does.
 
         The object is at ``center`` (3,) [m].  Where the grid's own direction is out of reach the answer is "": whatever a plan
         goes through is looked at exactly anyway.
         """
+        return [contact for contact, _ in self._ask(finger, center, normals)]
+
+    def refuse_landing(self, finger: int, center: Array, normals: Array) -> list[str]:
+        """Return the same for a finger that touches there, or hovers where it would come from."""
+        return [contact or over for contact, over in self._ask(finger, center, normals)]
+
+    def _ask(self, finger: int, center: Array, normals: Array) -> list[tuple[str, str]]:
         x, y, z = (float(v) for v in np.round(center, 7) + 0.0)
         _, nearest = _build_tree().query(normals)
         missing = [v for v in np.unique(nearest).tolist() if (finger, (x, y, z), v) not in self._known]
         if missing:
-            for vertex, refusal in zip(missing, self._look(finger, center, np.array(missing)), strict=True):
-                self._known[finger, (x, y, z), vertex] = refusal
+            for vertex, refusals in zip(missing, self._look(finger, center, np.array(missing)), strict=True):
+                self._known[finger, (x, y, z), vertex] = refusals
         return [self._known[finger, (x, y, z), int(v)] for v in nearest]
 
-    def _look(self, finger: int, center: Array, vertices: NDArray[np.intp]) -> list[str]:
-        hand = self.hand
-        X_WF = build_aligned(hand, finger, center, build_icosphere(LEVEL).vertices[vertices])
-        q, reached = solve_tip_pose(hand.workspaces[finger], X_WF)
-        X_WO, posture, refusals = make_pose(p=center), hand.q_home, []
-        for row, is_reached in zip(q, reached, strict=True):
-            refusals.append("")
-            if not is_reached:
-                continue
-            posture[finger] = row
-            clearance, names = hand.probe.compute_clearance(posture, X_WO, (finger,))
-            if clearance < hand.limits.clearance:
-                refusals[-1] = f"{names} too near"
+    def _look(self, finger: int, center: Array, vertices: NDArray[np.intp]) -> list[tuple[str, str]]:
+        hand, normals = self.hand, build_icosphere(LEVEL).vertices[vertices]
+        X_WF = build_aligned(hand, finger, center, normals)
+        over = X_WF.copy()
+        over[:, :3, 3] += hand.hover * normals
+        contact = self._refuse(finger, center, X_WF, (finger,))
+        return list(zip(contact, self._refuse(finger, center, over, ()), strict=True))
+
+    def _refuse(self, finger: int, center: Array, X_WF: Array, touching: tuple[int, ...]) -> list[str]:
+        hand, X_WO, refusals = self.hand, make_pose(p=center), []
+        posture = hand.q_home
+        for q, is_reached in zip(*solve_tip_pose(hand.workspaces[finger], X_WF), strict=True):
+            posture[finger] = q
+            clearance, names = (
+                hand.probe.compute_clearance(posture, X_WO, touching) if is_reached else (np.inf, "")
+            )
+            refusals.append(f"{names} too near" if clearance < hand.limits.clearance else "")
         return refusals
 
 

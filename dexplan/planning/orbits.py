@@ -159,7 +159,7 @@ def _solve(
         reason[near] = np.where(reached, why, "the end of its workspace")
         if is_aligned and not leg.is_shift:
             refusals = np.array(
-                remember_clearances(hand).refuse(finger, leg.center, normals[ok]), dtype=object
+                remember_clearances(hand).refuse_contact(finger, leg.center, normals[ok]), dtype=object
             )
             reason[ok] = np.where(refusals == "", reason[ok], refusals)
             ok[ok] = refusals == ""

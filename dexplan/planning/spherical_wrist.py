@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.planning.pointing import LENGTH, move_to_base
-from dexplan.scene.chain import Chain, compute_dexterity, compute_tip_pose, wrap_to_limits
+from dexplan.scene.chain import Chain, compute_dexterity, compute_tip_pose, solve_ik, wrap_to_limits
 from dexplan.scene.workspace import Workspace
 from dexplan.spatial import Array, read_only
 
@@ -234,8 +234,29 @@ def solve_tip_pose(workspace: Workspace, X_WF: Array) -> tuple[Array, NDArray[np
         better = exists & (room > spare) & (spare < ROOM)
         postures[:, better], spare[better] = q[:, better], room[better]
         reached |= better
-    found = np.ascontiguousarray(postures.T)
-    R = compute_tip_pose(chain, found)[:, :3, :3]
-    E = R.swapaxes(1, 2) @ X_WF[:, :3, :3]
-    found[:, -1] += chain.roll_sign * np.arctan2(E[:, 1, 0] - E[:, 0, 1], E[:, 0, 0] + E[:, 1, 1])
-    return wrap_to_limits(chain, found), reached
+    return wrap_to_limits(chain, _spin(chain, postures, X_WF)), reached
+
+
+def solve_near(
+    chain: Chain, X_WF: Array, q_near: Array, *, tolerance: float = 1e-7
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return postures (N, J) for tip poses (N, 4, 4) on the branch of ``q_near`` (N, J), and which were reached (N,).
+
+    As :func:`dexplan.scene.chain.solve_ik`, which answers for chains of another build and where the branch is not the same
+    throughout.
+    """
+    wrist = find_spherical_wrist(chain)
+    branches = () if wrist is None else wrist.find_branches(q_near)
+    if wrist is None or len(branches) != 1:
+        return solve_ik(chain, X_WF, q_near, tolerance=tolerance)
+    postures, reached = wrist.solve(*move_to_base(chain, X_WF[:, :3, 3], X_WF[:, :3, 2]), branches[0])
+    q = _spin(chain, postures, X_WF)
+    return q - 2.0 * np.pi * np.round((q - q_near) / (2.0 * np.pi)), reached
+
+
+def _spin(chain: Chain, postures: Array, X_WF: Array) -> Array:
+    """Return pointing postures (6, N) as (N, 6) with the last joint turned so that the tips have the poses ``X_WF`` (N, 4, 4)."""
+    q = np.ascontiguousarray(postures.T)
+    E = compute_tip_pose(chain, q)[:, :3, :3].swapaxes(1, 2) @ X_WF[:, :3, :3]
+    q[:, -1] += chain.roll_sign * np.arctan2(E[:, 1, 0] - E[:, 0, 1], E[:, 0, 0] + E[:, 1, 1])
+    return q
