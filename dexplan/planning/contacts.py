@@ -14,21 +14,17 @@ from numpy.typing import NDArray
 
 from dexplan.planning.admissible import FingerState, compute_finger_states
 from dexplan.planning.aligned import build_aligned
+from dexplan.planning.candidates import find_landings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Candidates, Held, Landfall, Landing
 from dexplan.planning.legs import STEP, Leg
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
-from dexplan.planning.lone_clearance import remember_clearances
 from dexplan.planning.orbits import Orbit, build_fixed_orbit, build_orbits
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import ORDER_GAP, compute_pair_angle_max, compute_regions
 from dexplan.planning.theorems import check_theorem_1
-from dexplan.scene.workspace import spread_directions
-from dexplan.spatial import Array, build_frame, invert_pose
+from dexplan.spatial import Array, invert_pose
 
-POLAR_SPACING = float(np.radians(7.0))
-DIRECTIONS = 700
-"""Directions around the object at which contacts of a shift are tried."""
 SPREAD = 6
 """Placements tried per finger and partner."""
 ADVANCED = 2
@@ -73,34 +69,11 @@ class ContactTable:
 
     @cached_property
     def candidates(self) -> dict[int, Candidates]:
-        """Landing places of every finger: all around the axis, or all over the object where it is shifted."""
-        if self.leg.is_shift:
-            first = spread_directions(DIRECTIONS)
-        else:
-            polars, frame = (
-                np.arange(POLAR_SPACING, np.pi - 1e-6, POLAR_SPACING),
-                build_frame(self.leg.axis_W),
-            )
-            first = np.cos(polars)[:, None] * frame[:, 2] + np.sin(polars)[:, None] * frame[:, 0]
+        """Landing places of every finger."""
         found = {}
-        for finger in range(len(self.hand.fingers)):
-            built = build_orbits(
-                self.hand, self.leg, finger, build_aligned(self.hand, finger, self.leg.center, first), first
-            )
-            offset = len(self.orbits)
-            self.orbits += built
-            rows = [(offset + i, int(k)) for i, o in enumerate(built) for k in np.flatnonzero(o.is_reached)]
-            normals = np.array([self.orbits[i].normals[k] for i, k in rows]).reshape(-1, 3)
-            if not self.leg.is_shift:
-                blocked = remember_clearances(self.hand).refuse_landing(finger, self.leg.center, normals)
-                free = [n for n, refusal in enumerate(blocked) if not refusal]
-                rows, normals = [rows[n] for n in free], normals[free]
-            found[finger] = Candidates(
-                orbit=np.array([i for i, _ in rows], dtype=np.intp),
-                station=np.array([k for _, k in rows], dtype=np.intp),
-                normals=normals,
-                carry=np.array([self.orbits[i].carry[k] for i, k in rows], dtype=np.intp),
-            )
+        for finger, landings in enumerate(find_landings(self.hand, self.leg)):
+            found[finger] = landings.numbered_from(len(self.orbits))
+            self.orbits += landings.orbits
         return found
 
     def start_along(self, finger: int, normal: Array) -> Held | None:

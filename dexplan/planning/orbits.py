@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import Leg
 from dexplan.planning.lone_clearance import remember_clearances
-from dexplan.planning.spherical_wrist import estimate_dexterity, solve_tip_pose
+from dexplan.planning.spherical_wrist import estimate_dexterity, solve_near, solve_tip_pose
 from dexplan.planning.travel import wrap_near
 from dexplan.spatial import Array, make_pose, read_only
 
@@ -61,7 +61,7 @@ def build_orbits(hand: HandModel, leg: Leg, finger: int, X_first: Array, normals
     The spin of each landing is chosen so that the roll of the tip is centred over the run.
     """
     N, X_WF = _carry_along(leg, X_first, normals)
-    q, ok, why = _solve(hand, finger, leg, N, X_WF, is_aligned=True)
+    q, ok, why = _solve(hand, finger, leg, N, X_WF)
     return [
         Orbit(
             finger,
@@ -83,7 +83,10 @@ def build_fixed_orbit(
     """
     chain, limits = hand.fingers[finger].chain, hand.limits
     N, X = _carry_along(leg, X_WF[None], normal[None])
-    table, ok, why = _solve(hand, finger, leg, N, X)
+    if q is None and len(hand.workspaces[finger].postures):
+        solved, found = solve_tip_pose(hand.workspaces[finger], X_WF[None])
+        q = solved[0] if found[0] else None
+    table, ok, why = _solve(hand, finger, leg, N, X, hand.fingers[finger].q_home if q is None else q)
     postures, reached, reasons = table[0].copy(), ok[0], why[0]
     lower, upper = chain.lower[-1] + limits.joint_margin, chain.upper[-1] - limits.joint_margin
     carry, spin = np.zeros(len(postures), dtype=np.intp), np.zeros(len(postures))
@@ -94,7 +97,7 @@ def build_fixed_orbit(
             reached[0], reasons[0] = False, "another branch of its postures"
     if reached[0] and not lower - 1e-9 <= postures[0, -1] <= upper + 1e-9:
         reached[0], reasons[0] = False, "the limit of its last joint"
-    here, last = 0, len(postures) - 1
+    here, last = 0, min(len(postures) - 1, leg.stations)
     end[0] = "a whole turn"
     for count in range(1, last + 1):
         there = leg.sense * count % len(postures)
@@ -132,17 +135,25 @@ def _carry_along(leg: Leg, X_first: Array, normals: Array) -> tuple[Array, Array
 
 
 def _solve(
-    hand: HandModel, finger: int, leg: Leg, normals: Array, X_WF: Array, is_aligned: bool = False
+    hand: HandModel, finger: int, leg: Leg, normals: Array, X_WF: Array, stands: Array | None = None
 ) -> tuple[Array, NDArray[np.bool_], list[list[str]]]:
-    """Return postures (M, K, J), which stations the finger can hold (M, K), and why not where it cannot."""
+    """Return postures (M, K, J), which stations the finger can hold (M, K), and why not where it cannot.
+
+    ``stands`` (J,): the finger is there already, in this posture, so that it stays on this branch and sees only this leg.
+    """
     description, limits, workspace = hand.fingers[finger], hand.limits, hand.workspaces[finger]
     home = description.pose_at(description.q_home)[:3, 3] - leg.center
     near = normals @ (home / np.linalg.norm(home)) > np.cos(_SIGHT)
+    if stands is not None:
+        near[:, leg.sense * np.arange(leg.stations + 1, near.shape[1])] = False
     q = np.full((*near.shape, description.chain.n_joints), np.nan)
     ok = np.zeros(near.shape, dtype=bool)
     reason = np.full(near.shape, "the end of its workspace", dtype=object)
     if near.any() and len(workspace.postures):
-        solved, reached = solve_tip_pose(workspace, X_WF[near])
+        if stands is None:
+            solved, reached = solve_tip_pose(workspace, X_WF[near])
+        else:
+            solved, reached = solve_near(description.chain, X_WF[near], np.tile(stands, (near.sum(), 1)))
         fixed = solved[:, :-1] if description.chain.has_tip_roll else solved
         lower, upper = description.chain.lower[: fixed.shape[1]], description.chain.upper[: fixed.shape[1]]
         room = np.minimum(fixed - lower, upper - fixed)
@@ -157,7 +168,7 @@ def _solve(
         )
         why = np.where(inside, "a singular posture", texts[room.argmin(axis=1)])
         reason[near] = np.where(reached, why, "the end of its workspace")
-        if is_aligned and not leg.is_shift:
+        if stands is None and not leg.is_shift:
             refusals = np.array(
                 remember_clearances(hand).refuse_contact(finger, leg.center, normals[ok]), dtype=object
             )

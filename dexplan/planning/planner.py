@@ -173,7 +173,7 @@ class _Planning:
         return tuple(swings)
 
     def _propose(self, table: ContactTable) -> Iterator[tuple[Leg, ...]]:
-        """Yield all routes but the first: those of the goal, and those on which the start grasp first turns to where there is room.
+        """Yield all routes but the first: those of the goal, and those on which the pair first turns to where there is room.
 
         ``table`` is that of the first route's first leg.
         """

@@ -23,7 +23,7 @@ _STEPS = 12
 """Newton steps to the smallest eigenvalue: the first halve what is left at worst, the last ones square it."""
 
 
-ROOM = float(np.radians(6.0))
+ROOM = float(np.radians(5.0))
 """Joints this far from their limits have room enough [rad]."""
 
 Branch = tuple[int, int, int]
