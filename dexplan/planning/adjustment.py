@@ -6,6 +6,7 @@ them to the workspaces.  Then use finger gaiting and rolling to reach the goal g
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import Literal
 
 import numpy as np
@@ -15,17 +16,17 @@ from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import Start
-from dexplan.planning.reorient import find_turns
-from dexplan.planning.stages import GoalContacts, Stages, rest_at
+from dexplan.planning.reorient import Turns
+from dexplan.planning.stages import REST_ANGLES, GoalContacts, Stages, choose_rests, rest_at
 from dexplan.spatial import Array
 
 KIND = "grasp_adjustment"
-TURNS = 3
+TURNS = 4
 """Turns of the object that are tried before the goal is given up."""
-OPEN = "the goal contacts are not force closed with the believed friction"
-CURE = "move two of them nearer to opposite, raise the friction, or lower friction.safety"
-TURN_BUDGET = 300
-"""Nodes that the search may open for each of them."""
+TURN_BUDGET = 150
+"""Nodes that the search may open for each of them, each time."""
+WHOLE_BUDGET = 700
+"""Nodes after which no further turn is tried."""
 
 
 def plan_grasp_adjustment(
@@ -47,8 +48,9 @@ def plan_grasp_adjustment(
     stay = RotationGoal(X_WO, VERTICAL, 0.0)
     if stages.start_refusal:
         return stages.refuse(KIND, stay, stages.hold.status, stages.hold.reason)
-    if not stages.is_goal_closed:
-        return stages.refuse(KIND, stay, "goal_grasp_inadmissible", f"{OPEN}; {CURE}")
+    status, reason = stages.refuse_goal_anywhere()
+    if status:
+        return stages.refuse(KIND, stay, status, reason)
     contacts, missing = stages.land_goal(X_WO)
     refusal = "" if missing else stages.refuse_goal(X_WO, contacts)
     why = ""
@@ -72,33 +74,48 @@ def plan_grasp_adjustment(
             f"the goal contacts cannot hold the object where it is ({refusal}), and goal.keep_object wants it there; move the "
             "contacts nearer to opposite, raise the friction, or set goal.keep_object = false",
         )
-    turns, fault = find_turns(stages)
-    for turn in turns[:TURNS]:
+    turns = Turns(stages)
+    chosen = list(islice(turns.choose(), TURNS))
+    # All of them with little left to the search, then all with less, then with more.
+    ways = [(turn, k) for k in range(len(REST_ANGLES)) for turn in chosen]
+    for turn, k in ways:
+        if stages.opened >= WHOLE_BUDGET:
+            break
         motion = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
+        rests = choose_rests(motion)[k : k + 1]
+        if not rests:
+            continue
         there = motion.X_WO_end
         back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
         gait = RotationGoal.from_attitude(X_WO, there[:3, :3])
-        actions, first, refused = stages.run(motion, back, budget=TURN_BUDGET)
+        actions, first, refused = stages.run(motion, back, budget=TURN_BUDGET, rests=rests)
         if not refused:
             goal_pose = stay if keep_object else gait
             return stages.build_plan(KIND, goal_pose, actions, first)
         why = why or refused
-    if why:
+    if chosen:
         return stages.refuse(
-            KIND, stay, "no_adjustment", f"{why}; choose goal contacts of which two are nearer to opposite"
+            KIND,
+            stay,
+            "no_adjustment",
+            f"{why}; {len(chosen)} attitudes were tried in which the goal contacts lie within reach; move the goal contacts "
+            "towards where the fingers stand, or choose contacts of which two are nearer to opposite",
         )
-    if fault:
+    if turns.fault:
         return stages.refuse(
             KIND,
             stay,
             "goal_grasp_inadmissible",
-            f"the goal contacts cannot hold the object in any attitude that brings them within reach ({fault}); move two of "
-            "them nearer to opposite, raise the friction, lower friction.safety, or use a lighter object",
+            f"the goal contacts cannot hold the object in any attitude that brings them within reach ({turns.fault}); move two "
+            "of them nearer to opposite, raise the friction, lower friction.safety, or use a lighter object",
         )
+    alone = turns.missing
     return stages.refuse(
         KIND,
         stay,
         "goal_contacts_unreachable",
-        "in no attitude of the object do all goal contacts lie within their fingers' workspaces; keep the fingers' clockwise "
-        "order and move the contacts towards where the fingers stand",
+        f"in no attitude of the object can {alone} reach the goal contact; move the object's home nearer to the hand"
+        if alone
+        else "every finger reaches its goal contact in some attitude of the object, but in none do all of them at once; keep the "
+        "fingers' clockwise order and the angles between them, and move the contacts towards where the fingers stand",
     )

@@ -26,7 +26,7 @@ from dexplan.planning.states import without_numbers
 from dexplan.planning.still import Stand, StillContacts, land_again
 from dexplan.scene.workspace import spread_directions
 
-GREED = 1.5
+GREED = 2.5
 """How much more moves still to be made count than those already made."""
 CARRY_COST, START_COST = 0.3, 0.4
 """What a carry from pose to pose counts, and the first one after a relocation in addition; a placement or a lift counts 1."""
@@ -34,6 +34,8 @@ HIDDEN = 0.45
 """What a lift before a carry, or a placement after one, counts less where the finger travels meanwhile."""
 LOAD_COST = 0.4
 """What a landing counts in addition whose pair uses all of the believed cone."""
+PATIENCE = 30
+"""After the first way is found as many nodes as it took are opened again, and so many more, to find a better one."""
 OPTIONS = 2
 """Ways to roll into the goal grasp, and out of the start grasp, that the search may use for every pair of fingers."""
 SAME = 0.5
@@ -70,7 +72,8 @@ class AdjustmentSearch:
 
     The object goes through ``motion`` meanwhile; ``start`` has the postures of its beginning, ``goal`` those of its end.  None
     is a finger that is free.  ``is_simultaneous``: goal contacts may be taken before the object is at its end, and relocations
-    next to a motion of the object are cheaper, for it will hide the finger's travel.
+    next to a motion of the object are cheaper, for it will hide the finger's travel.  ``known_rolls``: ways to roll into or out
+    of a grasp that an earlier search found; what this one finds is added.
     """
 
     hand: HandModel
@@ -79,10 +82,12 @@ class AdjustmentSearch:
     goal: Contacts
     motion: ObjectMotion
     is_simultaneous: bool = False
+    known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
     opened: int = 0
     _heap: list[_Entry] = field(default_factory=list)
     _serial: int = 0
     _refusals: dict[str, int] = field(default_factory=dict)
+    _dead_end: str = ""
     _targets: dict[Labels, RollPlan | None] = field(default_factory=dict)
     _early: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
@@ -107,10 +112,15 @@ class AdjustmentSearch:
                 return Adjustment(tuple(moves), "")
         self._set_targets()
         self._begin()
+        if self._dead_end and not is_same(self.start, self.goal):
+            return Adjustment(None, self._dead_end)
         seen: set[tuple[int, Stand]] = set()
         likes: dict[tuple[object, ...], int] = {}
         best: _Node | None = None
+        until = 0
         while self._heap and self.opened < node_budget:
+            if best is not None and self.opened >= until:
+                break
             node = heapq.heappop(self._heap).node
             if (node.layer, node.stand) in seen or (best is not None and self._bound(node) >= best.spent):
                 continue
@@ -127,6 +137,7 @@ class AdjustmentSearch:
             likes[kind] = count + 1
             self.opened += 1
             if node.layer == self._count and self.layers[-1].label(node.stand) in self._targets:
+                until = until or 2 * self.opened + PATIENCE
                 best = node
                 if not self.is_simultaneous:
                     break
@@ -150,7 +161,7 @@ class AdjustmentSearch:
         self._targets[last.label(stand)] = None
         if last.has_pair(stand) or len(self._wanted) < 3:
             return
-        for number, option in enumerate(self._unroll(last, self.goal), start=1):
+        for number, option in enumerate(self._unroll(last, self.goal, "of the goal"), start=1):
             before: list[int | None] = list(stand)
             for roll in option.rolls:
                 contact = option.contacts[roll.finger]
@@ -165,7 +176,7 @@ class AdjustmentSearch:
         self._push(_Node(0, stand, 0.0))
         if first.has_pair(stand) or sum(s is not None for s in stand) < 3:
             return
-        for option in self._unroll(first, self.start):
+        for option in self._unroll(first, self.start, "of the start"):
             after = tuple(None if c is None else first.add(c, self._name(c)) for c in option.contacts)
             i, j = (self.hand.fingers[f].name for f in option.pair)
             why = f"no two contacts are force closed; {i} and {j} roll apart until they are"
@@ -178,11 +189,17 @@ class AdjustmentSearch:
         is_there = goal is not None and measure_angle(goal.normal_O, contact.normal_O) < 1e-6
         return 0 if is_there else None
 
-    def _unroll(self, still: StillContacts, contacts: Contacts) -> list[RollPlan]:
-        search = RollEveryPair(self.hand, still.X_WO, contacts, self.admissibility)
-        options = search.first_of_every_pair(OPTIONS)
-        if not options:
-            self._refuse(f"no two contacts hold, and rolling cannot make two that do: {search.explain()}")
+    def _unroll(self, still: StillContacts, contacts: Contacts, whose: str) -> list[RollPlan]:
+        key = b"".join(
+            [np.round(still.X_WO, 9).tobytes(), *(np.round(c.X_OF, 9).tobytes() for c in contacts if c)]
+        )
+        if key not in self.known_rolls:
+            search = RollEveryPair(self.hand, still.X_WO, contacts, self.admissibility)
+            options = search.first_of_every_pair(OPTIONS)
+            self.known_rolls[key] = options, "" if options else search.explain()
+        options, refusal = self.known_rolls[key]
+        if refusal:
+            self._dead_end = f"no two {whose} contacts hold, and rolling cannot make two that do: {refusal}"
         return options
 
     # -- search ----------------------------------------------------------------------------------------------------------

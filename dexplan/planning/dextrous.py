@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from dexplan.planning.adjustment import CURE, OPEN
 from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
@@ -47,8 +46,9 @@ def plan_dextrous_manipulation(
     stages = Stages(hand, goal.X_WO_start, start, contacts, node_budget, primitives)
     if stages.start_refusal:
         return stages.refuse(KIND, goal, stages.hold.status, stages.hold.reason)
-    if not stages.is_goal_closed:
-        return stages.refuse(KIND, goal, "goal_grasp_inadmissible", f"{OPEN}; {CURE}")
+    status, reason = stages.refuse_goal_anywhere()
+    if status:
+        return stages.refuse(KIND, goal, status, reason)
     landed, missing = stages.land_goal(goal.X_WO_goal)
     if missing:
         return stages.refuse(

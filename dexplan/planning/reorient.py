@@ -1,8 +1,9 @@
-"""How should the object stand so that every finger reaches its goal contact?  The smallest turns that bring it there."""
+"""How should the object stand so that every finger reaches its goal contact?  Turns that bring it there, the best first."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,59 +17,100 @@ AXES = 96
 """Axes about which turns are tried."""
 TURN_STEP = float(np.radians(10.0))
 """Angles between the turns that are tried [rad]."""
-ENOUGH = 8
-"""As many turns are looked for."""
+APART = float(np.radians(25.0))
+"""Turns nearer than this to one that was proposed already are left out [rad]."""
+WAY_WEIGHT = 0.15
+"""How much a turn's own angle counts beside the angle between a contact and where its finger is at home."""
+REFUSALS = 60
+"""So many turns within reach are asked whether the goal grasp holds there before the answer is no."""
 
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """A turn of the object by ``angle`` [rad] about the unit world axis ``axis_W`` (3,), and the joint room it leaves [rad]."""
+    """A turn of the object by ``angle`` [rad] about the unit world axis ``axis_W`` (3,), and how far off a finger then is.
+
+    ``away`` [rad] is the largest angle between a goal contact and the direction in which its finger stands at home.
+    """
 
     axis_W: Array
     angle: float
-    room: float
+    away: float
+
+    @property
+    def cost(self) -> float:
+        """What the turn counts: fingers in the middle of their workspaces rather than the shortest way."""
+        return self.away + WAY_WEIGHT * self.angle
 
 
-def find_turns(stages: Stages) -> tuple[list[Turn], str]:
-    """Return turns from the smallest on after which the goal grasp can be held; and, where there are none, why not.
+@dataclass(eq=False)
+class Turns:
+    """Turns after which every goal contact lies within reach; ``fault`` says what was wrong with the first that does not hold."""
 
-    The reason is "" where no turn brings all contacts within reach.  Among turns of the same size those with the most room in
-    the joints come first.
-    """
-    axes, fault, found = spread_directions(AXES), "", []
-    for angle in np.arange(TURN_STEP, np.pi + 1e-9, TURN_STEP):
-        level = []
-        for axis in axes[_reach_mask(stages, axes, float(angle))]:
-            X_WO = ObjectMotion(stages.X_WO, axis, float(angle), np.zeros(3)).X_WO_end
-            contacts, missing = stages.land_goal(X_WO)
-            if missing:
+    stages: Stages
+    reachable: list[Turn] = field(init=False)
+    fault: str = ""
+
+    def __post_init__(self) -> None:
+        self.reachable = sorted(_find_reachable(self.stages), key=lambda turn: turn.cost)
+
+    @property
+    def missing(self) -> str:
+        """The fingers that reach their goal contact in no attitude at all, where there are such."""
+        stages, names = self.stages, []
+        for finger, normal in enumerate(stages.goal):
+            if normal is not None:
+                alone = tuple(n if f == finger else None for f, n in enumerate(stages.goal))
+                if not any(_find_reachable(stages, alone)):
+                    names.append(stages.hand.fingers[finger].name)
+        return " and ".join(names)
+
+    def choose(self) -> Iterator[Turn]:
+        """Yield turns after which the goal grasp can be held, the best first, and no two that are nearly the same."""
+        stages, chosen, refused = self.stages, list[Array](), 0
+        for turn in self.reachable:
+            R = rotate_about(turn.axis_W, turn.angle)
+            if any(_measure_between(R, other) < APART for other in chosen):
                 continue
+            X_WO = ObjectMotion(stages.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
+            contacts, _ = stages.land_goal(X_WO)
             if refusal := stages.refuse_goal(X_WO, contacts):
-                fault = fault or refusal
+                self.fault = self.fault or refusal
+                refused += 1
+                if refused == REFUSALS:
+                    return
                 continue
-            room = min(
-                float(np.minimum(c.q - chain.lower, chain.upper - c.q).min())
-                for c in contacts
-                if c is not None
-                for chain in [stages.hand.fingers[c.finger].chain]
-            )
-            level.append(Turn(axis, float(angle), room))
-        found += sorted(level, key=lambda turn: -turn.room)[:3]
-        if len(found) >= ENOUGH:
-            break
-    return found, "" if found else fault
+            chosen.append(R)
+            yield turn
 
 
-def _reach_mask(stages: Stages, axes: Array, angle: float) -> Array:
-    """Return about which of ``axes`` (N, 3) a turn by ``angle`` [rad] brings every goal contact within reach (N,)."""
-    mask = np.ones(len(axes), dtype=bool)
+def _find_reachable(stages: Stages, goal: tuple[Array | None, ...] | None = None) -> Iterator[Turn]:
+    """Yield the turns that bring all contacts of ``goal`` (by default the stages') within reach."""
+    axes = spread_directions(AXES)
+    for angle in np.arange(TURN_STEP, np.pi + 1e-9, TURN_STEP):
+        away = _measure_away(stages, axes, float(angle), stages.goal if goal is None else goal)
+        for k in np.flatnonzero(np.isfinite(away)):
+            yield Turn(axes[k], float(angle), float(away[k]))
+
+
+def _measure_away(stages: Stages, axes: Array, angle: float, goal: tuple[Array | None, ...]) -> Array:
+    """Return how far (N,) [rad] a finger is from home at most, turned by ``angle`` about ``axes`` (N, 3); inf out of reach."""
+    hand, R_WO = stages.hand, stages.X_WO[:3, :3]
+    away = np.zeros(len(axes))
     turns = np.stack([rotate_about(axis, angle) for axis in axes])
-    R_WO = stages.X_WO[:3, :3]
-    for finger, normal in enumerate(stages.goal):
-        if normal is None or not mask.any():
+    for finger, normal in enumerate(goal):
+        rows = np.flatnonzero(np.isfinite(away))
+        if normal is None or not len(rows):
             continue
         # A ball looks the same from every side: turning the object is turning the contact on an object that stands still.
-        normals_O = (turns[mask] @ (R_WO @ normal)) @ R_WO
-        landed = build_landings(stages.hand, stages.X_WO, finger, normals_O)
-        mask[mask] = [placement is not None for placement in landed]
-    return mask
+        normals_W = turns[rows] @ (R_WO @ normal)
+        landed = build_landings(hand, stages.X_WO, finger, normals_W @ R_WO)
+        home = hand.p_WF_home[finger] - stages.X_WO[:3, 3]
+        angles = np.arccos(np.clip(normals_W @ home / np.linalg.norm(home), -1.0, 1.0))
+        reached = np.array([placement is not None for placement in landed])
+        away[rows] = np.where(reached, np.maximum(away[rows], angles), np.inf)
+    return away
+
+
+def _measure_between(A: Array, B: Array) -> float:
+    """Return the angle [rad] of the rotation between two attitudes (3, 3)."""
+    return float(np.arccos(np.clip(0.5 * (np.trace(A.T @ B) - 1.0), -1.0, 1.0)))

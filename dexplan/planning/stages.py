@@ -7,6 +7,7 @@ early as the goal grasp can carry the object from there (b).
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions, without_holds
 from dexplan.planning.plan import SOLVED, Action, GoalContact, Placement, Plan
 from dexplan.planning.planner import Start, plan_rotation
+from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.planning.still import StillContacts, build_landings
 from dexplan.spatial import Array, build_frame
@@ -28,12 +30,15 @@ from dexplan.spatial import Array, build_frame
 GoalContacts = tuple[Array | None, ...]
 """Per finger the outward normal (3,) of its goal contact in object axes, None where it has to be free."""
 
-SEARCH_BUDGET = 1500
+SEARCH_BUDGET = 400
 """Nodes that one search for an adjustment may open."""
 GAIT_BUDGET = 2000
 """Nodes that the gait before it may open."""
-REST_ANGLE, REST_SHIFT = float(np.radians(80.0)), 0.02
-"""So much of the object's motion [rad, m] at most is left to that search."""
+REST_ANGLES = tuple(np.radians((40.0, 20.0, 80.0)).tolist())
+"""So much of the object's turn [rad] is left to that search, in the order in which it is tried: enough for fingers to find room
+on the way, and little enough for the search to stay small."""
+REST_SHIFT = 0.25
+"""So much of a shift [m] counts as a turn by one radian there."""
 
 
 @dataclass(eq=False)
@@ -48,6 +53,7 @@ class Stages:
     primitives: tuple[Literal["substitution", "rewind"], ...]
     opened: int = 0
     hold: Plan = field(init=False)
+    _known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.admissibility = Admissibility(self.hand)
@@ -80,16 +86,36 @@ class Stages:
         closest = self.hand.object.surface.closest
         return tuple(None if n is None else GoalContact(f, closest(n), n) for f, n in enumerate(self.goal))
 
-    @property
-    def is_goal_closed(self) -> bool:
-        """Whether the goal contacts are force closed with the believed friction: a question of the object alone."""
-        surface, friction = self.hand.object.surface, self.hand.friction
-        contacts = tuple(
-            Contact(f, surface.closest(n), build_frame(-n), friction)
-            for f, n in enumerate(self.goal)
-            if n is not None
+    def refuse_goal_anywhere(self) -> tuple[str, str]:
+        """Return the status and the reason that refuse the goal contacts wherever the object is; "" and "" where nothing does.
+
+        These are questions of the object and the fingertips alone: where contacts are allowed, whether tips overlap, and force
+        closure with the believed friction.
+        """
+        surface, names = self.hand.object.surface, [f.name for f in self.hand.fingers]
+        wanted = [(f, n) for f, n in enumerate(self.goal) if n is not None]
+        for f, n in wanted:
+            if not self.hand.object.allows(n[None])[0]:
+                return "goal_not_allowed", (
+                    f"the goal contact of {names[f]} lies outside object.allowed_regions; move it inside, or widen a region"
+                )
+        for (f, n), (g, m) in combinations(wanted, 2):
+            tips = [self.hand.fingers[k].tip_radius for k in (f, g)]
+            between = np.linalg.norm(surface.closest(n) + tips[0] * n - surface.closest(m) - tips[1] * m)
+            if (gap := between - sum(tips)) < self.hand.limits.clearance:
+                return "goal_grasp_inadmissible", (
+                    f"the tips of {names[f]} and {names[g]} would come within {1e3 * gap:.1f} mm at their goal contacts, and "
+                    f"{1e3 * self.hand.limits.clearance:.1f} mm have to be left; move the two contacts apart"
+                )
+        grasp = Grasp(
+            tuple(Contact(f, surface.closest(n), build_frame(-n), self.hand.friction) for f, n in wanted)
         )
-        return check_force_closure(Grasp(contacts)).is_closed
+        if not check_force_closure(grasp).is_closed:
+            return "goal_grasp_inadmissible", (
+                "the goal contacts are not force closed with the believed friction; move two of them nearer to opposite, raise "
+                "the friction, or lower friction.safety"
+            )
+        return "", ""
 
     def refuse_goal(self, X_WO: Array, contacts: Contacts) -> str:
         """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); "" where it can."""
@@ -105,11 +131,13 @@ class Stages:
         is_attitude: bool = True,
         is_simultaneous: bool = False,
         budget: int = SEARCH_BUDGET,
+        rests: tuple[float, ...] | None = None,
     ) -> tuple[tuple[Action, ...], Contacts, str]:
         """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
         ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
-        ``budget`` bounds the nodes of every search.
+        ``budget`` bounds the nodes of every search; ``rests`` are the shares of ``before`` that are left to it, by default those
+        of :func:`choose_rests`.
         Returns the actions (none where it fails), the start contacts, and why it fails.
         """
         X_WO = after.X_WO_start
@@ -124,12 +152,18 @@ class Stages:
             if refusal:
                 return (), (), f"the goal grasp cannot carry the object to the goal: {refusal}"
         why = ""
-        for rest in self._choose_rests(before):
+        for rest in choose_rests(before) if rests is None else rests:
             first, start, refused = self._gait(before, rest, is_attitude)
             if not refused:
                 here = follow_actions(self.hand, start, first)
                 search = AdjustmentSearch(
-                    self.hand, self.admissibility, here, goal, before.part(1.0 - rest, 1.0), is_simultaneous
+                    self.hand,
+                    self.admissibility,
+                    here,
+                    goal,
+                    before.part(1.0 - rest, 1.0),
+                    is_simultaneous,
+                    known_rolls=self._known_rolls,
                 )
                 found = search.run(min(budget, self.node_budget))
                 self.opened += found.opened
@@ -142,13 +176,6 @@ class Stages:
                         return (*first, *moves, *last), start, ""
             why = why or refused
         return (), (), why
-
-    def _choose_rests(self, motion: ObjectMotion) -> tuple[float, ...]:
-        """Return the shares of a motion that are left to the search that adjusts the grasp; gaits do what comes before."""
-        if motion.is_still:
-            return (0.0,)
-        size = max(abs(motion.angle) / REST_ANGLE, float(np.linalg.norm(motion.shift_W)) / REST_SHIFT)
-        return (1.0, 0.0) if size <= 1.0 else (1.0 / size, 0.5 / size)
 
     def _gait(
         self, motion: ObjectMotion, rest: float, is_attitude: bool
@@ -205,6 +232,15 @@ class Stages:
             actions=(),
             statistics={"nodes": self.opened},
         )
+
+
+def choose_rests(motion: ObjectMotion) -> tuple[float, ...]:
+    """Return the shares of a motion that are left to the search that adjusts the grasp; gaits do what comes before."""
+    if motion.is_still:
+        return (0.0,)
+    size = max(abs(motion.angle), float(np.linalg.norm(motion.shift_W)) / REST_SHIFT)
+    shares = [min(1.0, angle / size) for angle in REST_ANGLES]
+    return tuple(dict.fromkeys(shares))
 
 
 def rest_at(X_WO: Array) -> ObjectMotion:
