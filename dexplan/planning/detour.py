@@ -38,6 +38,8 @@ SLACK = 0.0005
 """So much more clearance [m] is asked for while trees grow, for what lies between the postures that are looked at."""
 SAMPLES = 33
 """Postures along a detour."""
+BOWS, BENDS = (0.25, 0.5, 0.75), 2
+"""How far an arc is bowed in one joint [rad], and in how many joints it is tried."""
 ROUNDS = 3
 """How often the corners of a way are rounded off."""
 
@@ -112,6 +114,29 @@ def find_detour(around: tuple[Surroundings, ...], q_start: Array, q_end: Array) 
     return Detour(None, *room.nearest, room.checks)
 
 
+def bow_arc(around: Surroundings, arc: Array) -> Detour | None:
+    """Return the ``arc`` (K, J) bowed in one joint so that it is clear; None where its ends are not, or no bow does.
+
+    The joint and the sense are those that help most where the arc is worst.
+    """
+    room = _Room((around,), arc[0], arc[-1])
+    clearances = [around.compute_clearance(posture)[0] for posture in arc]
+    if min(clearances[0], clearances[-1]) < around.hand.limits.clearance:
+        return None
+    worst = arc[int(np.argmin(clearances))]
+    bends = [sign * np.eye(len(worst))[j] for j in range(room.joints) for sign in (1.0, -1.0)]
+    helped = [around.compute_clearance(worst + BOWS[0] * bend)[0] for bend in bends]
+    shape = np.sin(np.linspace(0.0, np.pi, len(arc)))[:, None]
+    for k in np.argsort(-np.array(helped), kind="stable")[:BENDS]:
+        for size in BOWS:
+            if (
+                helped[k] > min(clearances)
+                and (found := room.follow(arc + size * shape * bends[k])) is not None
+            ):
+                return found
+    return None
+
+
 class _Room:
     """The finger's joint space between two postures: which postures are free, and ways between the two.
 
@@ -122,7 +147,7 @@ class _Room:
         self._around, self._ends = around, np.stack([q_start, q_end])
         self._limits = around[0].hand.limits
         self._chain = around[0].hand.fingers[around[0].finger].chain
-        self._joints = self._chain.n_joints - int(self._chain.has_tip_roll)
+        self.joints = self._chain.n_joints - int(self._chain.has_tip_roll)
         self._joint = min(
             self._limits.joint_margin, float(compute_joint_margin(self._chain, self._ends).min())
         )
@@ -185,7 +210,7 @@ class _Room:
 
     def complete(self, short: Array) -> Array:
         """Return postures (K, J) from those of the joints that the trees know, with an evenly turning tip roll."""
-        if self._joints == self._chain.n_joints:
+        if self.joints == self._chain.n_joints:
             return short
         length = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(short, axis=0)).max(axis=1))])
         roll = np.interp(length, length[[0, -1]], self._ends[:, -1])
@@ -193,11 +218,11 @@ class _Room:
 
     def grow(self, is_careful: bool) -> tuple[Array, ...]:
         """Return ways (K, J) that trees from both ends find, the best one first; none where they do not meet."""
-        ends = self._ends[:, : self._joints]
-        lower = np.maximum(ends.min(axis=0) - ROOM, self._chain.lower[: self._joints] + self._joint - 1e-9)
-        upper = np.minimum(ends.max(axis=0) + ROOM, self._chain.upper[: self._joints] - self._joint + 1e-9)
+        ends = self._ends[:, : self.joints]
+        lower = np.maximum(ends.min(axis=0) - ROOM, self._chain.lower[: self.joints] + self._joint - 1e-9)
+        upper = np.minimum(ends.max(axis=0) + ROOM, self._chain.upper[: self.joints] - self._joint + 1e-9)
         limit = self.checks + CHECKS
-        roll = self._ends[:, self._joints :].mean(axis=0)
+        roll = self._ends[:, self.joints :].mean(axis=0)
         lines = connect_trees(
             ends,
             np.stack([lower, upper]),

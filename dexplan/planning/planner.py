@@ -24,8 +24,12 @@ Start = tuple[Array | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
 None for a free finger.  None instead of the tuple where the planner may choose."""
 
-PATIENCE = (8, 24, 72, 216, 648, 1944)
-"""Nodes that every route may open in one round before the next route has its turn; the last round is for the whole budget."""
+STRETCH = 4
+"""Nodes that the search of a route may open before another may have its turn."""
+ROUTE_COST = 12.0
+"""The next route is tried whenever so many more nodes have been opened."""
+SPENT = 0.1
+"""What every node opened on a route takes from its promise, in placements."""
 
 
 def refuse(
@@ -117,13 +121,12 @@ class _Planning:
             self._find_held(first.tables[0])
         )
         proposals = self._propose(first.tables[0])
-        for patience in (*PATIENCE, self.node_budget):
-            for search in self._take_turns(proposals):
-                left = self.node_budget - int(self.statistics["nodes"])
-                if (node := search.run(min(patience, left))) is not None:
-                    return self._build(search, node)
-            if all(s.is_exhausted for s in self.searches) or self.statistics["nodes"] >= self.node_budget:
+        while (left := self.node_budget - int(self.statistics["nodes"])) > 0:
+            search = self._choose_search(proposals)
+            if search is None:
                 break
+            if (node := search.run(min(STRETCH, left))) is not None:
+                return self._build(search, node)
         if pair_missing:
             return self._refuse("no_admissible_pair", self._explain_pair(first.tables[0], ""))
         if all(s.is_exhausted for s in self.searches):
@@ -192,12 +195,19 @@ class _Planning:
             yield from straight
         yield from (way for ways in detours for way in ways[1:])
 
-    def _take_turns(self, proposals: Iterator[tuple[Leg, ...]]) -> Iterator[GaitSearch]:
-        """Yield every search begun, then one for each route that has not been begun yet."""
-        yield from list(self.searches)
-        for route in proposals:
-            self.searches.append(self._begin(route))
-            yield self.searches[-1]
+    def _choose_search(self, proposals: Iterator[tuple[Leg, ...]]) -> GaitSearch | None:
+        """Return the search to go on with, None where all are exhausted; begins that of the next route when it is time.
+
+        Of those begun, the one that promises the goal at the least cost, what was spent on it counted.
+        """
+        going = [s for s in self.searches if not s.is_exhausted]
+        is_time = len(self.searches) <= self.statistics["nodes"] / ROUTE_COST
+        if is_time or not going:
+            for route in proposals:
+                self.searches.append(self._begin(route))
+                if not self.searches[-1].is_exhausted:
+                    return self.searches[-1]
+        return min(going, key=lambda s: s.promise + SPENT * s.opened, default=None)
 
     def _begin(self, route: tuple[Leg, ...]) -> GaitSearch:
         search = GaitSearch(self.hand, route, self._admissibility, self.primitives)

@@ -81,6 +81,11 @@ class GaitSearch:
         return not self._heap
 
     @property
+    def promise(self) -> float:
+        """The estimated cost of the best way to the goal that is left, as :meth:`run` ranks them; inf where none is."""
+        return self._heap[0].priority if self._heap else np.inf
+
+    @property
     def reason(self) -> str:
         """The most common refusals, in words."""
         common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]

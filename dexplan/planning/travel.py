@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from dexplan.planning.detour import Surroundings, find_detour
-from dexplan.scene.chain import compute_joint_margin, compute_tip_pose, solve_ik
+from dexplan.planning.detour import Surroundings, bow_arc, find_detour
+from dexplan.planning.spherical_wrist import solve_near
+from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
 from dexplan.scene.description import FingerDescription
 from dexplan.spatial import Array, read_only
 
@@ -36,12 +37,16 @@ class Way:
 
 
 def find_way(around: Surroundings, arc: Array, looks_around: bool = True) -> Way:
-    """Return the ``arc`` (K, J) where it is clear in the surroundings, else a detour between its ends.
+    """Return the ``arc`` (K, J) where it is clear in the surroundings, else the arc bowed, else a detour between its ends.
 
     Where there is no detour, or with ``looks_around`` False, it is the arc again, with too little clearance and who blocks it.
     """
     clearance, names = around.compute_way_clearance(arc)
-    if clearance >= around.hand.limits.clearance or not looks_around:
+    if clearance >= around.hand.limits.clearance:
+        return Way(arc, clearance, names)
+    if (bowed := bow_arc(around, arc)) is not None and bowed.way is not None:
+        return Way(bowed.way, bowed.clearance, bowed.names, names)
+    if not looks_around:
         return Way(arc, clearance, names)
     found = find_detour((around,), arc[0], arc[-1])
     if found.way is None:
@@ -76,7 +81,7 @@ def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center
         swung = np.broadcast_to(directions[0], (SAMPLES, 3))
     X[:, :3, 3] = center + (distances[0] + share[:, None] * (distances[1] - distances[0])) * swung
     X[:, 3, 3] = 1.0
-    path, reached = solve_ik(finger.chain, X, straight, tolerance=1e-5)
+    path, reached = solve_near(finger.chain, X, straight, tolerance=1e-5)
     path = wrap_near(path, straight)
     if finger.chain.has_tip_roll:
         path[:, -1] = straight[:, -1]
@@ -99,7 +104,7 @@ def compute_hover(
     """Return the posture (J,) near ``q`` with the tip at its contact pose ``X_OF``, lifted ``gap`` [m] along the normal."""
     X = X_OF.copy()
     X[:3, 3] += gap * normal_O
-    solved, _ = solve_ik(finger.chain, (X_WO @ X)[None], q[None])
+    solved, _ = solve_near(finger.chain, (X_WO @ X)[None], q[None])
     return wrap_near(solved[0], q)
 
 
