@@ -8,6 +8,7 @@ not.  Only what lies between is asked right away; every state of a finished plan
 from __future__ import annotations
 
 import re
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +30,13 @@ _SAMPLE = 5
 DETOUR_COST = 2
 """A relocation by a detour counts as so many placements more: where arcs do, they are taken."""
 PATIENCE = 12
-"""So many detours are looked for in vain; after that what is in the way of an arc is believed."""
+"""So many detours are looked for in vain while one goal is planned for; after that what is in the way of an arc is believed."""
 OVERLOAD = "the contacts cannot carry the load (friction)"
 
 Key = tuple[tuple[int, int, int], ...]
+
+_FAILURES: WeakKeyDictionary[Admissibility, int] = WeakKeyDictionary()
+"""Detours looked for in vain, by what all searches for one goal share."""
 
 
 def where(held: Held) -> tuple[int, int, int]:
@@ -55,7 +59,6 @@ class StateChecks:
         self._ways: dict[tuple[tuple[int, int, int], Key, bool], Way] = {}
         self._put_off: set[object] = set()
         self._blocked: set[object] = set()
-        self._failures = 0
         self.detours: dict[object, dict[int, Way]] = {}
         """The detours that were found for whoever asked for them, by finger."""
 
@@ -215,9 +218,9 @@ class StateChecks:
                 )
                 arc = self._arcs[where(moving)] = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
             around = self._around(moving, holding, done)
-            way = find_way(around, arc, looks_around and self._failures < PATIENCE)
+            way = find_way(around, arc, looks_around and _FAILURES.get(self._admissibility, 0) < PATIENCE)
             if looks_around and not way.around and way.clearance < self._hand.limits.clearance:
-                self._failures += 1
+                _FAILURES[self._admissibility] = _FAILURES.get(self._admissibility, 0) + 1
             self._ways[key] = way
         return self._ways[key]
 
