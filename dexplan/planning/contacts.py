@@ -11,6 +11,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from dexplan.planning.admissible import FingerState, compute_finger_states
 from dexplan.planning.aligned import build_aligned
@@ -25,6 +26,8 @@ from dexplan.planning.regions import ORDER_GAP, compute_pair_angle_max, compute_
 from dexplan.planning.theorems import check_theorem_1
 from dexplan.spatial import Array, invert_pose
 
+NEAR = float(np.radians(6.0))
+"""A contact this near to a landing place is about as good as that [rad]."""
 SPREAD = 6
 """Placements tried per finger and partner."""
 ADVANCED = 2
@@ -45,6 +48,7 @@ class ContactTable:
     leg: Leg
     orbits: list[Orbit] = field(default_factory=list)
     _runs: dict[tuple[int, int], list[FingerState]] = field(default_factory=dict)
+    _trees: dict[int, cKDTree] = field(default_factory=dict)
 
     @property
     def stations(self) -> int:
@@ -75,6 +79,16 @@ class ContactTable:
             found[finger] = landings.numbered_from(len(self.orbits))
             self.orbits += landings.orbits
         return found
+
+    def foresee_carry(self, finger: int, normal: Array) -> int:
+        """Return for how many stations the finger could about carry a contact along ``normal`` (3,) in W from the leg's start."""
+        rows = self.candidates[finger]
+        if not len(rows.carry):
+            return 0
+        if finger not in self._trees:
+            self._trees[finger] = cKDTree(rows.normals)
+        distance, nearest = self._trees[finger].query(normal)
+        return int(rows.carry[nearest]) if distance < NEAR else 0
 
     def start_along(self, finger: int, normal: Array) -> Held | None:
         """Return a start contact with the outward ``normal`` (3,) in W, the pole along it; None where it is out of reach."""

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from dexplan.planning.admissible import Admissibility
+from dexplan.planning.blocked import explain_no_pair
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.escape import count_room, find_escapes
 from dexplan.planning.gaits import build_actions
@@ -158,10 +159,12 @@ class _Planning:
         if table.start_pairs(1):
             return ""
         x, y, z = 1e3 * self.goal.shift_W
-        return (
-            f"no two fingers can hold the object at the goal, ({x:.1f}, {y:.1f}, {z:.1f}) mm from its start: it lies outside "
-            "their workspaces; shorten goal.translation_m"
+        where = (
+            f"no two fingers can hold the object at the goal, ({x:.1f}, {y:.1f}, {z:.1f}) mm from its start: "
         )
+        if blocked := explain_no_pair(self.hand, self.goal.X_WO_goal, self._admissibility):
+            return where + blocked
+        return f"{where}it lies outside their workspaces; shorten goal.translation_m"
 
     def _choose_swings(self) -> tuple[Array, ...]:
         """Return horizontal axes (3,) about which the object turns easily: chords of pairs of fingers at home."""
@@ -271,7 +274,7 @@ class _Planning:
             placed[h.finger] = table.placement(h, 0)
         self.contacts = tuple(placed)
         refusal = search.refuse_start(tuple(held))
-        if refusal and table.has_pair(tuple(held)):
+        if refusal and (len(held) < 3 or table.has_pair(tuple(held))):
             return self._refuse(
                 "start_inadmissible",
                 f"the start contacts do not hold the object: {refusal}; move them nearer to opposite, or {CURE}",

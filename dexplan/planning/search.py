@@ -269,19 +269,30 @@ class GaitSearch:
 
     def _rank(self, node: Node) -> float:
         """Return the priority of a node; the smallest is opened first."""
-        # A turn ends when one contact is used up; what the other has left then serves the next turn, about half of it.
-        ahead = self.tables[node.leg].stations - node.done
-        lasts = min(node.promise, *(h.left for h in node.held))
-        missing = 0.0
-        if ahead > lasts:
-            beyond = max(0, ahead - max(h.left for h in node.held))
-            missing = 0.6 + 0.5 * (ahead - lasts + beyond) / self._worth(node.leg)
-            if self._rewinds_only:
-                missing = 2.0 * missing + 0.5 * self._rewind_steps(node)
-        later = sum(leg.stations for leg in self.route[node.leg + 1 :] if not leg.is_shift)
-        missing += later / self._worth(node.leg)
+        ahead, lefts = self.tables[node.leg].stations - node.done, [h.left for h in node.held]
+        lasts = min(node.promise, *lefts)
+        missing = self._count_missing(node.leg, ahead, lasts, max(lefts))
+        if missing and self._rewinds_only:
+            missing = 2.0 * missing + 0.5 * self._rewind_steps(node)
+        later = range(node.leg + 1, len(self.route))
+        if later and not missing and not self.route[later[0]].is_shift:
+            # These contacts begin the next leg: how far would they get there?
+            turned = [(h.finger, self.tables[node.leg].normal(h.carried(ahead))) for h in node.held]
+            lefts = [self.tables[later[0]].foresee_carry(*one) for one in turned]
+            missing += self._count_missing(later[0], self.tables[later[0]].stations, min(lefts), max(lefts))
+            later = later[1:]
+        missing += sum(self.route[i].stations / self._worth(i) for i in later if not self.route[i].is_shift)
         # Between equals, prefer grasps that carry easily: small forces and room for error.
         return node.placements + GREED * missing + node.load + 30.0 * max(0.0, node.load - 0.88)
+
+    def _count_missing(self, leg: int, ahead: int, lasts: int, longest: int) -> float:
+        """Return about how many placements are missing on a leg to go ``ahead`` stations on with contacts that have so much left.
+
+        A turn ends when one contact is used up; what the other has left then serves the next turn, about half of it.
+        """
+        if ahead <= lasts:
+            return 0.0
+        return 0.6 + 0.5 * (ahead - lasts + max(0, ahead - longest)) / self._worth(leg)
 
     def _rewind_steps(self, node: Node) -> int:
         """Return how many placements are missing before the pair that moves the object can do so again."""
