@@ -201,7 +201,10 @@ class RollToPair:
         count = len(pair_ways[a.finger])
         rolls, ways = list(pair_rolls), {**pair_ways, third.finger: np.repeat(third.q[None], count, axis=0)}
         if follow != 0.0:
-            rolls.append(build_roll(self.hand, third, -a.normal_O - b.normal_O, follow, count))
+            toward = -a.normal_O - b.normal_O
+            if np.linalg.norm(np.cross(toward, third.normal_O)) < 1e-9:
+                return None, f"{self.hand.fingers[third.finger].name} stands opposite the other two already"
+            rolls.append(build_roll(self.hand, third, toward, follow, count))
             ways[third.finger], refusal = follow_roll(self.hand, self.X_WO, rolls[-1], third.q)
             if refusal:
                 return None, refusal
