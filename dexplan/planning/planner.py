@@ -11,7 +11,7 @@ import numpy as np
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.blocked import explain_no_pair
 from dexplan.planning.contacts import ContactTable
-from dexplan.planning.escape import count_room, find_escapes
+from dexplan.planning.escape import ENOUGH, count_room, find_escapes
 from dexplan.planning.gaits import build_actions
 from dexplan.planning.goal import VERTICAL, RotationGoal, build_detours, build_routes
 from dexplan.planning.hand import HandModel
@@ -189,9 +189,12 @@ class _Planning:
             yield from straight
             return
         pair = (held[0], held[1])
-        is_stuck = not count_room(table, pair)
+        room = count_room(table, pair)
+        is_stuck = not room
         if not is_stuck:
             yield from straight
+        if room >= ENOUGH:
+            return
         detours = [build_detours(self.goal, e.axis_W, e.angle) for e in find_escapes(table, pair)]
         yield from (ways[0] for ways in detours)
         if is_stuck:
@@ -204,7 +207,8 @@ class _Planning:
         Of those begun, the one that promises the goal at the least cost, what was spent on it counted.
         """
         going = [s for s in self.searches if not s.is_exhausted]
-        is_time = len(self.searches) <= self.statistics["nodes"] / ROUTE_COST
+        # A turn about a given axis is asked for as such: other ways are for where it cannot be begun.
+        is_time = self.goal.is_attitude and len(self.searches) <= self.statistics["nodes"] / ROUTE_COST
         if is_time or not going:
             for route in proposals:
                 self.searches.append(self._begin(route))
