@@ -17,7 +17,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import Start
 from dexplan.planning.reorient import Turns
-from dexplan.planning.stages import REST_ANGLES, GoalContacts, Stages, choose_rests, rest_at
+from dexplan.planning.stages import REST_ANGLES, GoalContacts, Stages, choose_rests, rest_at, suggest_cure
 from dexplan.spatial import Array
 
 KIND = "grasp_adjustment"
@@ -27,6 +27,8 @@ TURN_BUDGET = 150
 """Nodes that the search may open for each of them, each time."""
 WHOLE_BUDGET = 700
 """Nodes after which no further turn is tried."""
+ENDS = 4
+"""After so many searches that had nothing left to try no further one is begun."""
 
 
 def plan_grasp_adjustment(
@@ -71,15 +73,15 @@ def plan_grasp_adjustment(
             KIND,
             stay,
             "goal_grasp_inadmissible",
-            f"the goal contacts cannot hold the object where it is ({refusal}), and goal.keep_object wants it there; move the "
-            "contacts nearer to opposite, raise the friction, or set goal.keep_object = false",
+            f"the goal contacts cannot hold the object where it is ({refusal}), and goal.keep_object wants it there; "
+            f"{suggest_cure(refusal)}, or set goal.keep_object = false",
         )
     turns = Turns(stages)
     chosen = list(islice(turns.choose(), TURNS))
     # All of them with little left to the search, then all with less, then with more.
     ways = [(turn, k) for k in range(len(REST_ANGLES)) for turn in chosen]
     for turn, k in ways:
-        if stages.opened >= WHOLE_BUDGET:
+        if stages.opened >= WHOLE_BUDGET or stages.exhausted >= ENDS:
             break
         motion = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
         rests = choose_rests(motion)[k : k + 1]
@@ -98,16 +100,15 @@ def plan_grasp_adjustment(
             KIND,
             stay,
             "no_adjustment",
-            f"{why}; {len(chosen)} attitudes were tried in which the goal contacts lie within reach; move the goal contacts "
-            "towards where the fingers stand, or choose contacts of which two are nearer to opposite",
+            f"{why}; {len(chosen)} attitudes were tried in which the goal contacts lie within reach; {suggest_cure(why)}",
         )
     if turns.fault:
         return stages.refuse(
             KIND,
             stay,
             "goal_grasp_inadmissible",
-            f"the goal contacts cannot hold the object in any attitude that brings them within reach ({turns.fault}); move two "
-            "of them nearer to opposite, raise the friction, lower friction.safety, or use a lighter object",
+            "the goal contacts cannot hold the object in any attitude that brings them within reach "
+            f"({turns.fault}); {suggest_cure(turns.fault)}",
         )
     alone = turns.missing
     return stages.refuse(

@@ -86,7 +86,7 @@ class AdjustmentSearch:
     opened: int = 0
     _heap: list[_Entry] = field(default_factory=list)
     _serial: int = 0
-    _refusals: dict[str, int] = field(default_factory=dict)
+    _refusals: dict[int, dict[str, int]] = field(default_factory=dict)
     _dead_end: str = ""
     _targets: dict[Labels, RollPlan | None] = field(default_factory=dict)
     _early: dict[tuple[int, int], list[int]] = field(default_factory=dict)
@@ -131,12 +131,15 @@ class AdjustmentSearch:
                 self._push(node, SAME * count)
                 continue
             if refusal := self._check(node):
-                self._refuse(refusal)
+                self._refuse(refusal, node)
                 continue
             seen.add((node.layer, node.stand))
             likes[kind] = count + 1
             self.opened += 1
             if node.layer == self._count and self.layers[-1].label(node.stand) in self._targets:
+                if refusal := self._check_carries(node):
+                    self._refuse(refusal, node)
+                    continue
                 until = until or 2 * self.opened + PATIENCE
                 best = node
                 if not self.is_simultaneous:
@@ -145,11 +148,17 @@ class AdjustmentSearch:
             self._expand(node)
         if best is not None:
             return Adjustment(self._moves(best), "", self.opened)
-        common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
-        reason = "; ".join(text for text, _ in common) or "no place lets another finger go"
+        reason = self._explain()
         if self._heap:
-            reason = f"{self.opened} nodes were opened ({reason})"
-        return Adjustment(None, reason, self.opened)
+            reason = f"{reason} ({self.opened} nodes were opened)"
+        return Adjustment(None, reason, self.opened, is_exhausted=not self._heap)
+
+    def _explain(self) -> str:
+        """Return what stopped the search nearest to the goal."""
+        if not self._refusals:
+            return "no place lets another finger go"
+        nearest = self._refusals[min(self._refusals)]
+        return min(nearest, key=lambda text: (-nearest[text], text))
 
     # -- where it begins and ends ----------------------------------------------------------------------------------------
 
@@ -233,9 +242,28 @@ class AdjustmentSearch:
         )
         self._serial += 1
 
-    def _refuse(self, refusal: str) -> None:
+    def _refuse(self, refusal: str, node: _Node) -> None:
+        """Count why ``node`` is no way on, among those that come as near to the goal."""
         text = without_numbers(refusal)
-        self._refusals[text] = self._refusals.get(text, 0) + 1
+        if node.changed is not None:
+            name, spot = self.hand.fingers[node.changed].name, node.stand[node.changed]
+            is_goal = spot is not None and self.layers[node.layer].labels[spot] is not None
+            text = f"{name} cannot {'take its goal contact' if is_goal else 'be relocated'}, {text}"
+        else:
+            text = f"the object cannot be carried on, {text}"
+        counts = self._refusals.setdefault(self._missing(node), {})
+        counts[text] = counts.get(text, 0) + 1
+
+    def _check_carries(self, node: _Node) -> str:
+        """Look closely at every carry on the way to ``node`` and note its margins; return why one of them cannot be made."""
+        while node.parent is not None:
+            if node.parent.layer != node.layer and not node.margins:
+                node.margins, refusal = self._layers.judge_carry(node.parent.layer, node.parent.stand)
+                if refusal:
+                    node.margins = {}
+                    return refusal
+            node = node.parent
+        return ""
 
     def _check(self, node: _Node) -> str:
         """Return why the move that leads to ``node`` cannot be made; "" if it can."""
@@ -243,12 +271,12 @@ class AdjustmentSearch:
         row = still.judge(node.stand)
         if not row.is_admissible:
             return row.refusal
+        if node.parent is not None and node.parent.layer != node.layer:
+            _, refusal = self._layers.judge_carry(node.parent.layer, node.parent.stand, is_thorough=False)
+            return refusal
         node.margins = row.as_dict()
         if node.parent is None:
             return ""
-        if node.parent.layer != node.layer:
-            node.margins, refusal = self._layers.judge_carry(node.parent.layer, node.parent.stand)
-            return refusal
         f = node.changed
         assert f is not None
         spot = node.stand[f] if node.stand[f] is not None else node.parent.stand[f]
@@ -266,7 +294,7 @@ class AdjustmentSearch:
             carried = [None if s is None else self._layers.carry(node.layer, s) for s in stand]
             for c in carried:
                 if c is not None and c[2]:
-                    self._refuse(c[2])
+                    self._refuse(c[2], _Node(node.layer, stand, 0.0))
             if not any(c is not None and c[2] for c in carried):
                 there = tuple(None if c is None else c[0] for c in carried)
                 hidden = HIDDEN * (self.is_simultaneous and _was(node, "lift"))

@@ -13,20 +13,12 @@ from dexplan.planning.admissible import (
     compute_finger_states,
     worst,
 )
+from dexplan.planning.following import follow_tip
 from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import SHIFT_STEP, STEP
 from dexplan.planning.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.planning.pointing import move_to_base
-from dexplan.planning.spherical_wrist import find_spherical_wrist
 from dexplan.planning.still import spin_tip
-from dexplan.planning.travel import wrap_near
-from dexplan.scene.chain import Chain, compute_tip_pose, solve_ik
 from dexplan.spatial import Array, rotate_about
-
-JUMP = 0.30
-"""Joint steps between samples beyond this mean another branch [rad]."""
-BLOCK = 6
-"""Samples whose inverse kinematics are solved at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,49 +64,10 @@ def follow_object(hand: HandModel, placement: Placement, X_WO: Array) -> tuple[A
     """
     description = hand.fingers[placement.finger]
     X_WF = X_WO @ placement.X_OF
-    q = _follow_closed(description.chain, X_WF, placement.q)
-    if q is None:
-        q = _follow_in_steps(description.chain, X_WF, placement.q)
+    q = follow_tip(description.chain, X_WF, placement.q)
     if len(q) < len(X_WF):
         return q, f"{description.name} comes to the end of its workspace"
     return q, ""
-
-
-def _follow_closed(chain: Chain, X_WF: Array, q_start: Array) -> Array | None:
-    """Return the postures (L, J) from ``q_start`` through tip poses (K, 4, 4), as far as they exist without a jump.
-
-    All at once, on the branch of the closed form that ``q_start`` lies on; None for chains without one.
-    """
-    wrist = find_spherical_wrist(chain)
-    branches = () if wrist is None else wrist.find_branches(q_start[None])
-    if wrist is None or not branches:
-        return None
-    solved, exists = wrist.solve(*move_to_base(chain, X_WF[:, :3, 3], X_WF[:, :3, 2]), branches[0])
-    q = np.ascontiguousarray(solved.T)
-    # The tip's own joint, at zero so far, takes up the spin.
-    E = compute_tip_pose(chain, q)[:, :3, :3].swapaxes(1, 2) @ X_WF[:, :3, :3]
-    q[:, -1] = chain.roll_sign * np.arctan2(E[:, 1, 0] - E[:, 0, 1], E[:, 0, 0] + E[:, 1, 1])
-    q[0] = q_start
-    q = np.unwrap(q, axis=0)
-    good = exists[1:] & (np.abs(np.diff(q, axis=0)).max(axis=1) <= JUMP)
-    return q if good.all() else q[: 1 + int(good.argmin())]
-
-
-def _follow_in_steps(chain: Chain, X_WF: Array, q_start: Array) -> Array:
-    """Return the same by Newton steps, for any chain."""
-    q = np.empty((len(X_WF), chain.n_joints))
-    q[0] = q_start
-    for first in range(1, len(X_WF), BLOCK):
-        rows = slice(first, min(first + BLOCK, len(X_WF)))
-        # A few small steps at once, all from where the finger is: one pass of the batch costs hardly more than one pose.
-        solved, reached = solve_ik(
-            chain, X_WF[rows], np.repeat(q[first - 1 : first], len(X_WF[rows]), axis=0)
-        )
-        for k in range(first, rows.stop):
-            q[k] = wrap_near(solved[k - first], q[k - 1])
-            if not reached[k - first] or np.abs(q[k] - q[k - 1]).max() > JUMP:
-                return q[:k]
-    return q
 
 
 def center_spin(hand: HandModel, placement: Placement, motion: ObjectMotion) -> Placement:

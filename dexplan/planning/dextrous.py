@@ -10,19 +10,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
+import numpy as np
+
 from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.overlap import overlap_travel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import Start
-from dexplan.planning.stages import GoalContacts, Stages
+from dexplan.planning.stages import GoalContacts, Stages, suggest_cure
+from dexplan.scene.workspace import spread_directions
 
 KIND = "dextrous_manipulation"
 Order = Literal["object_first", "grasp_first", "simultaneous"]
 SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 """Shares of the object's way after which the grasp is adjusted in the order "grasp first", the earliest that works."""
 
+DETOURS, AXES, MOST = (float(np.radians(15.0)), float(np.radians(30.0))), 12, 6
+"""Turns [rad] about so many axes that lead to the goal from beside the straight way there; at most so many are tried."""
+WHOLE_BUDGET = 900
+"""Nodes after which no further way is tried in one order."""
 OVERLAP = 0.3
 """Share of the relocations that should overlap a motion of the object in the order "simultaneous"."""
 
@@ -63,8 +70,7 @@ def plan_dextrous_manipulation(
             KIND,
             goal,
             "goal_grasp_inadmissible",
-            f"the goal contacts cannot hold the object at its goal ({refusal}); move two of them nearer to opposite, raise the "
-            "friction, lower friction.safety, or use a lighter object",
+            f"the goal contacts cannot hold the object at its goal ({refusal}); {suggest_cure(refusal)}",
         )
     if order == "simultaneous":
         return _plan_simultaneous(stages, goal, compute_duration or (lambda plan: float(len(plan.actions))))
@@ -76,21 +82,38 @@ def _plan_in_order(
 ) -> Plan:
     """Return the plan that adjusts the grasp after the first of ``shares`` of the object's way at which that works."""
     whole = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
-    why = ""
-    for share in shares:
-        before, after = whole.part(0.0, share), whole.part(share, 1.0)
+    ways = [(whole.part(0.0, share), whole.part(share, 1.0)) for share in shares]
+    if len(shares) > 1 and goal.is_attitude:
+        ways += _choose_detours(stages, goal)
+    why, begun = "", stages.opened
+    for before, after in ways:
+        if stages.opened - begun >= WHOLE_BUDGET:
+            break
         actions, first, refused = stages.run(
             before, after, is_attitude=goal.is_attitude, is_simultaneous=is_simultaneous
         )
         if not refused:
             return stages.build_plan(KIND, goal, actions, first)
-        why = refused
+        why = why or refused
     return stages.refuse(
-        KIND,
-        goal,
-        "no_dextrous_plan",
-        f"{why}; try another goal.order, or move the goal contacts towards where the fingers stand",
+        KIND, goal, "no_dextrous_plan", f"{why}; {suggest_cure(why)}, or try another goal.order"
     )
+
+
+def _choose_detours(stages: Stages, goal: RotationGoal) -> list[tuple[ObjectMotion, ObjectMotion]]:
+    """Return motions to poses off the straight way, where the goal contacts are within reach, and on from there to the goal.
+
+    Any way there will do; the grasp is adjusted there, and then carries the object on.
+    """
+    ways, end = [], goal.X_WO_goal
+    for angle in DETOURS:
+        for axis in spread_directions(AXES):
+            X_WO = ObjectMotion(end, axis, -angle, np.zeros(3)).X_WO_end
+            if not stages.land_goal(X_WO)[1]:
+                there = RotationGoal.from_attitude(goal.X_WO_start, X_WO[:3, :3], goal.shift_W)
+                before = ObjectMotion(goal.X_WO_start, there.axis_W, there.angle, there.shift_W)
+                ways.append((before, ObjectMotion(X_WO, axis, angle, np.zeros(3))))
+    return ways[:MOST]
 
 
 def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Callable[[Plan], float]) -> Plan:

@@ -63,11 +63,17 @@ class Layers:
             self._carried[key] = there, states, refusal
         return self._carried[key]
 
-    def judge_carry(self, layer: int, stand: Stand) -> tuple[dict[str, float], str]:
-        """Return the worst margins while a stand carries the object to the next pose, and why it cannot ("" if it can)."""
+    def judge_carry(self, layer: int, stand: Stand, is_thorough: bool = True) -> tuple[dict[str, float], str]:
+        """Return the worst margins while a stand carries the object to the next pose, and why it cannot ("" if it can).
+
+        Not ``is_thorough``: only half way and at the end are looked at.
+        """
         motion = self.step(layer)
-        states = {f: self.carry(layer, s)[1] for f, s in enumerate(stand) if s is not None}
-        rows, refusal = judge_carry(self.hand, self.admissibility, states, motion, motion.poses())
+        poses = motion.poses()
+        looks = np.arange(len(poses)) if is_thorough else np.array([len(poses) // 2, len(poses) - 1])
+        ways = {f: self.carry(layer, s)[1] for f, s in enumerate(stand) if s is not None}
+        states = {f: [way[k] for k in looks] for f, way in ways.items()}
+        rows, refusal = judge_carry(self.hand, self.admissibility, states, motion, poses[looks])
         return worst(rows), refusal
 
     def promise(self, layer: int, finger: int, partner: int) -> Array:

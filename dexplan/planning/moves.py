@@ -33,11 +33,15 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """The answer of a search: the moves, or the most common refusals in ``reason``; ``opened`` counts nodes."""
+    """The answer of a search: the moves, or what stopped it nearest to the goal in ``reason``; ``opened`` counts nodes.
+
+    ``is_exhausted``: there is no move left that it could try.
+    """
 
     moves: tuple[Move, ...] | None
     reason: str
     opened: int = 0
+    is_exhausted: bool = False
 
 
 def reverse_roll(roll: Roll) -> Roll:

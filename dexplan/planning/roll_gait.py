@@ -16,6 +16,7 @@ import numpy as np
 
 from dexplan.contact.rolling import RollingPath, roll_turning
 from dexplan.planning.admissible import Admissibility, Margins, compute_finger_states, worst
+from dexplan.planning.following import follow_tip
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.regions import compute_pair_angle_max
@@ -79,18 +80,24 @@ def follow_roll(hand: HandModel, X_WO: Array, roll: Roll, q_start: Array) -> tup
     chain, count = description.chain, roll.count
     X_WF = X_WO @ roll.X_OF
     lean = np.arccos(np.clip(-np.sum(roll.X_OF[:, :3, 2] * roll.normal_O, axis=1), -1.0, 1.0))
-    q = np.empty((count, len(q_start)))
-    q[0] = q_start
-    for k in range(1, count):
-        guess = 2.0 * q[k - 1] - q[k - 2] if k > 1 else q[0]
-        solved, reached = solve_ik(chain, X_WF[k][None], guess[None])
-        q[k] = wrap_near(solved[0], guess)
+    q = follow_tip(chain, X_WF, q_start)
+    while len(q) < count:
+        # Near a singular posture joints may turn faster than the tip's steps let expect: step by step they go on.
+        guess = 2.0 * q[-1] - q[-2] if len(q) > 1 else q[0]
+        solved, reached = solve_ik(chain, X_WF[len(q)][None], guess[None])
         if not reached[0]:
-            return q[:k], f"{description.name} comes to the end of its workspace while it rolls"
-        if lean[k] > hand.tip_polar_limit:
-            return q[:k], f"{description.name} would roll {np.degrees(lean[k]):.0f} deg off its tip's pole"
-        if compute_joint_margin(chain, q[k]) < limits.joint_margin:
-            return q[:k], f"{description.name} comes to a joint limit while it rolls"
+            break
+        q = np.vstack([q, wrap_near(solved[0], guess)])
+    leans = np.flatnonzero(lean[1 : len(q)] > hand.tip_polar_limit) + 1
+    stops = np.flatnonzero(compute_joint_margin(chain, q[1:]) < limits.joint_margin) + 1
+    first = min((int(rows[0]) for rows in (leans, stops) if len(rows)), default=len(q))
+    if first in leans:
+        refusal = f"{description.name} would roll {np.degrees(lean[first]):.0f} deg off its tip's pole"
+        return q[:first], refusal
+    if first in stops:
+        return q[:first], f"{description.name} comes to a joint limit while it rolls"
+    if len(q) < count:
+        return q, f"{description.name} comes to the end of its workspace while it rolls"
     return q, ""
 
 
@@ -165,7 +172,8 @@ class RollToPair:
             found, refusal = self._try(rolls, postures, (a, b, third), float(np.radians(follow)))
             if found is not None:
                 return found
-            self._refuse(refusal)
+            if refusal:
+                self._refuse(refusal)
         return None
 
     def _refuse(self, refusal: str) -> None:
@@ -203,7 +211,10 @@ class RollToPair:
         if follow != 0.0:
             toward = -a.normal_O - b.normal_O
             if np.linalg.norm(np.cross(toward, third.normal_O)) < 1e-9:
-                return None, f"{self.hand.fingers[third.finger].name} stands opposite the other two already"
+                return (
+                    None,
+                    "",
+                )  # it stands opposite the other two already: there is no side to which it could follow
             rolls.append(build_roll(self.hand, third, toward, follow, count))
             ways[third.finger], refusal = follow_roll(self.hand, self.X_WO, rolls[-1], third.q)
             if refusal:

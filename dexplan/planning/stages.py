@@ -43,7 +43,10 @@ REST_SHIFT = 0.25
 
 @dataclass(eq=False)
 class Stages:
-    """What stays the same while ways of reaching goal contacts are tried; counts the work."""
+    """What stays the same while ways of reaching goal contacts are tried; counts the work.
+
+    ``opened``: nodes of all searches so far; ``exhausted``: adjustments that had nothing left to try.
+    """
 
     hand: HandModel
     X_WO: Array
@@ -52,6 +55,7 @@ class Stages:
     node_budget: int
     primitives: tuple[Literal["substitution", "rewind"], ...]
     opened: int = 0
+    exhausted: int = 0
     hold: Plan = field(init=False)
     _known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
 
@@ -167,6 +171,7 @@ class Stages:
                 )
                 found = search.run(min(budget, self.node_budget))
                 self.opened += found.opened
+                self.exhausted += found.is_exhausted
                 if found.moves is None:
                     refused = f"no way from the grasp there to the goal grasp: {found.reason}"
                 else:
@@ -232,6 +237,17 @@ class Stages:
             actions=(),
             statistics={"nodes": self.opened},
         )
+
+
+def suggest_cure(refusal: str) -> str:
+    """Return what would help against a refusal of a grasp or of the way to it."""
+    if "obstacle" in refusal or "floor" in refusal:
+        return "move or shrink what is in the way, or choose goal contacts or a goal pose farther from it"
+    if "come within" in refusal or "too near" in refusal:
+        return "move the goal contacts of these fingers apart, or towards where the fingers stand"
+    if any(word in refusal for word in ("joint", "singular", "workspace", "order", "reach")):
+        return "move the goal contacts towards where the fingers stand, and keep the fingers' clockwise order"
+    return "move two of the goal contacts nearer to opposite, raise the friction, lower friction.safety, or use a lighter object"
 
 
 def choose_rests(motion: ObjectMotion) -> tuple[float, ...]:
