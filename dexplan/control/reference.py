@@ -14,12 +14,16 @@ import numpy as np
 
 from dexplan.control.carry import follow_contacts
 from dexplan.planning.coordinated import ObjectMotion
+from dexplan.planning.detour import interpolate
 from dexplan.planning.overlap import TRAVEL, build_journey
 from dexplan.planning.plan import Action, Placement, Plan
 from dexplan.planning.roll import Roll
 from dexplan.planning.travel import build_travel, compute_hover
 from dexplan.scene.description import FingerDescription
 from dexplan.spatial import Array, read_only, rotate_about, rotation_matrix
+
+BEND_LOOKS = 257
+"""The bends of a detour are looked at this often."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,9 @@ class Timing:
     """Least time for a free finger's way; longer where a joint would turn faster than ``joint_speed``."""
     joint_speed: float = 6.0
     """Greatest speed of a free finger's joints [rad/s]."""
+    joint_acceleration: float = 60.0
+    """Greatest acceleration of a free finger's joints on a detour [rad/s^2]: what a long arc takes, whose bends are gentle.  The
+    bends of a detour walked at ``joint_speed`` ask for several times as much, and that for all that the servos can give."""
     approach: float = 0.35
     load: float = 0.25
     unload: float = 0.25
@@ -299,7 +306,13 @@ class _PhaseBuilder:
     def _travel_time(self, way: Array) -> float:
         # The smooth step's greatest speed is 15/8 of its mean, and the way is walked at even shares of its postures.
         fastest = 1.875 * float(np.abs(np.diff(way, axis=0)).max()) * (len(way) - 1)
-        return max(self.timing.travel, fastest / self.timing.joint_speed)
+        duration = max(self.timing.travel, fastest / self.timing.joint_speed)
+        if self.action.way is None:
+            return duration
+        # Bends cost acceleration, which falls with the square of the time.
+        share = np.array([smooth_step(t) for t in np.linspace(0.0, 1.0, BEND_LOOKS)])
+        bends = np.gradient(np.gradient(interpolate(way, share), axis=0), axis=0) * (BEND_LOOKS - 1) ** 2
+        return max(duration, float(np.sqrt(np.abs(bends).max() / self.timing.joint_acceleration)))
 
     def _place(self) -> list[Phase]:
         timing, X_WO, finger = self.timing, self.action.X_WO_start, self.action.finger

@@ -40,6 +40,8 @@ SAMPLES = 33
 """Postures along a detour."""
 BOWS, BENDS = (0.25, 0.5, 0.75), 2
 """How far an arc is bowed in one joint [rad], and in how many joints it is tried."""
+KNOTS = (5, 7, 10, 16, SAMPLES)
+"""A way is drawn smoothly through so few of its postures if it stays clear: the fewer, the gentler its bends."""
 ROUNDS = 3
 """How often the corners of a way are rounded off."""
 
@@ -107,8 +109,9 @@ def find_detour(around: tuple[Surroundings, ...], q_start: Array, q_end: Array) 
     for is_careful in (False, True):
         lines = room.grow(is_careful)
         for line in lines:
-            if (found := room.follow(line)) is not None:
-                return found
+            for knots in KNOTS:
+                if (found := room.follow(line, knots)) is not None:
+                    return found
         if not lines:
             break
     return Detour(None, *room.nearest, room.checks)
@@ -199,8 +202,10 @@ class _Room:
         way = start + share[:, None] * (end - start)
         return self.measure(way, self._slack, is_careful) is not None
 
-    def follow(self, line: Array) -> Detour | None:
+    def follow(self, line: Array, knots: int = SAMPLES) -> Detour | None:
         """Return the broken line (K, J) as a way, if all of it is free just as the finger will go through it; else None."""
+        if knots < SAMPLES:
+            line = interpolate(sample_evenly(line, knots), np.linspace(0.0, 1.0, 4 * SAMPLES))
         way = sample_evenly(line)
         way[0], way[-1] = self._ends
         longest = np.abs(np.diff(way, axis=0)).max()

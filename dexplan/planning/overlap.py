@@ -12,11 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from dexplan.planning.coordinated import ObjectMotion, follow_object
+from dexplan.planning.detour import Surroundings, find_detour
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, follow_actions
-from dexplan.planning.plan import Action, Plan
+from dexplan.planning.plan import Action, Placement, Plan
 from dexplan.planning.regions import keeps_order
-from dexplan.planning.travel import build_travel, compute_hover
+from dexplan.planning.travel import Way, build_travel, compute_hover
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
 from dexplan.scene.description import FingerDescription
 from dexplan.spatial import Array
@@ -25,6 +26,8 @@ TRAVEL = "travel"
 """Name of the phase in which a finger goes between home and hover."""
 LOOKS = 33
 """A journey is looked at this often at least."""
+LIMITS = "the finger's joint limits or the fingers' order"
+"""What is in the way where no body is."""
 
 
 def build_journey(
@@ -63,8 +66,8 @@ def overlap_travel(hand: HandModel, plan: Plan) -> Plan:
             place = None
         options = [o for o in ((lift, place), (lift, None), (None, place)) if any(o)]
         for option in options:
-            if _is_clear(hand, action, held[k], held[k - 1], option):
-                _hand_over(hand, actions, k, option)
+            if (way := _find_journey(hand, action, held[k], held[k - 1], option)) is not None:
+                _hand_over(hand, actions, k, option, way)
                 break
     overlaps = count_overlaps(tuple(actions))
     return replace(plan, actions=tuple(actions), statistics={**plan.statistics, **overlaps})
@@ -84,16 +87,20 @@ def _changes(actions: list[Action], k: int, kind: str) -> Action | None:
     return actions[k] if any(p.name == TRAVEL for p in actions[k].phases) else None
 
 
-def _is_clear(
+def _find_journey(
     hand: HandModel,
     action: Action,
     contacts: Contacts,
     before: Contacts,
     option: tuple[Action | None, Action | None],
-) -> bool:
-    """Return whether a finger can travel during ``action``, which begins with ``contacts``; ``before`` those before the lift."""
+) -> Way | None:
+    """Return how a finger can travel during ``action``, which begins with ``contacts``; ``before`` those before the lift.
+
+    The way around what is in the arc's way has to be clear with the object at the start, in the middle and at the end of its
+    motion; whatever is found is looked at once more as finger and object will really go.  None where nothing is clear.
+    """
     if action.rolls:
-        return False  # carried on rolling contacts: not looked at
+        return None  # carried on rolling contacts: not looked at
     lift, place = option
     shift = action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3]
     motion = ObjectMotion(action.X_WO_start, action.axis_W, action.angle, shift)
@@ -110,43 +117,67 @@ def _is_clear(
         new = place.contacts_end[finger]
         assert new is not None
         comes = compute_hover(who, motion.X_WO_end, new.X_OF, new.normal_O, new.q, hand.hover)
-    way = build_journey(who, leaves, comes, motion)
-    if compute_joint_margin(who.chain, way).min() < 0.0:
-        return False
     poses = motion.poses()
     poses = motion.poses(max(LOOKS, len(poses)))
-    share = np.linspace(0.0, 1.0, len(poses))
+    holders = tuple(c for c in contacts if c is not None)
+    carried = [follow_object(hand, c, poses)[0] for c in holders]
+    if any(len(q) < len(poses) for q in carried):
+        return None
+    touching = tuple(c.finger for c in holders)
+    moments = []
+    for k, X_WO in enumerate(poses):
+        q = hand.q_home
+        q[list(touching)] = [way[k] for way in carried]
+        moments.append(Surroundings(hand, q, X_WO, finger, touching))
+    arc = build_journey(who, leaves, comes, motion)
+    clearance, names = _look(moments, holders, arc)
+    if clearance >= hand.limits.clearance:
+        return Way(arc, clearance, names)
+    found = find_detour((moments[0], moments[len(moments) // 2], moments[-1]), arc[0], arc[-1])
+    if found.way is None:
+        return None
+    least, nearest = _look(moments, holders, found.way)
+    return Way(found.way, least, nearest, names) if least >= hand.limits.clearance else None
+
+
+def _look(moments: list[Surroundings], holders: tuple[Placement, ...], way: Array) -> tuple[float, str]:
+    """Return the least clearance [m] of a finger on its ``way`` (K, J) through the ``moments`` of a motion, and between whom.
+
+    -inf where a joint leaves its limits or the fingers' order changes.
+    """
+    hand, finger = moments[0].hand, moments[0].finger
+    chain = hand.fingers[finger].chain
+    if compute_joint_margin(chain, way).min() < 0.0:
+        return -np.inf, LIMITS
+    share = np.linspace(0.0, 1.0, len(moments))
     done = share**3 * (10.0 + share * (6.0 * share - 15.0))
     even = np.linspace(0.0, 1.0, len(way))
     travelled = np.stack([np.interp(done, even, column) for column in way.T], axis=1)
-    tips = compute_tip_pose(who.chain, travelled)[:, :3, 3]
-    ways = {c.finger: follow_object(hand, c, poses)[0] for c in contacts if c is not None}
-    if any(len(q) < len(poses) for q in ways.values()):
-        return False
-    for k, X_WO in enumerate(poses):
-        q = hand.q_home
+    tips = compute_tip_pose(chain, travelled)[:, :3, 3]
+    least: tuple[float, str] = (np.inf, "")
+    for moment, posture, tip in zip(moments, travelled, tips, strict=True):
+        X_WO = moment.X_WO
         normals = {f: p - X_WO[:3, 3] for f, p in enumerate(hand.p_WF_home)}
-        for c in contacts:
-            if c is not None:
-                q[c.finger] = ways[c.finger][k]
-                normals[c.finger] = X_WO[:3, :3] @ c.normal_O
-        q[finger], normals[finger] = travelled[k], tips[k] - X_WO[:3, 3]
-        clearance, _ = hand.probe.compute_clearance(q, X_WO, tuple(ways))
-        if clearance < hand.limits.clearance or not keeps_order(hand, normals):
-            return False
-    return True
+        normals.update({c.finger: X_WO[:3, :3] @ c.normal_O for c in holders})
+        normals[finger] = tip - X_WO[:3, 3]
+        least = min(least, moment.compute_clearance(posture))
+        if least[0] < hand.limits.clearance:
+            return least
+        if not keeps_order(hand, normals):
+            return -np.inf, LIMITS
+    return least
 
 
 def _hand_over(
-    hand: HandModel, actions: list[Action], k: int, option: tuple[Action | None, Action | None]
+    hand: HandModel, actions: list[Action], k: int, option: tuple[Action | None, Action | None], way: Way
 ) -> None:
-    """Take the travel out of a lift before action ``k``, a placement after it, or both, and give it to action ``k``."""
+    """Take the travel out of a lift before action ``k``, a placement after it, or both; action ``k`` gets it, by ``way``."""
     lift, place = option
     name, finger = "", None
     for j, changing in ((k - 1, lift), (k + 1, place)):
         if changing is not None:
             kept = tuple(p for p in changing.phases if p.name != TRAVEL)
-            actions[j] = replace(changing, phases=kept)
+            actions[j] = replace(changing, phases=kept, way=None)
             assert changing.finger is not None
             finger, name = changing.finger, hand.fingers[changing.finger].name
     ends = {
@@ -155,4 +186,6 @@ def _hand_over(
         (True, True): "over its next contact",
     }
     where = ends[lift is not None, place is not None]
-    actions[k] = replace(actions[k], finger=finger, why=f"{actions[k].why}; meanwhile {name} travels {where}")
+    around = f" by a detour that keeps {way.around} apart" if way.around else ""
+    why = f"{actions[k].why}; meanwhile {name} travels {where}{around}"
+    actions[k] = replace(actions[k], finger=finger, why=why, way=way.postures if way.around else None)
