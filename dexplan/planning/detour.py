@@ -1,6 +1,6 @@
-"""A way around what is in the way: a free finger's motion planned in its joint space [paper §4: collision avoidance].
+"""A way around what is in the way: a free finger's motion planned in the free space of its joints [paper §2].
 
-The hand's configuration space is planned in by OMPL's RRT-Connect [Kuffner & LaValle 2000]: two trees of clear postures, one from
+OMPL's RRT-Connect [Kuffner & LaValle 2000] plans it: two trees of clear postures, one from
 each end of the way, grow towards each other.  What they find is shortened, rounded off, and looked at once more, finely.
 Everything is seeded and counted, nothing is timed: the same question has the same answer on every run.
 """
