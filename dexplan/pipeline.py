@@ -14,6 +14,7 @@ from dexplan.control.reference import Timing, build_reference
 from dexplan.errors import DexplanError
 from dexplan.planning.adjustment import plan_grasp_adjustment
 from dexplan.planning.configuration_space import explain_obstruction
+from dexplan.planning.cost import CostWeights, Improvement
 from dexplan.planning.dextrous import plan_dextrous_manipulation
 from dexplan.planning.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.goal import RotationGoal
@@ -87,6 +88,15 @@ def build_timing(problem: Problem) -> Timing:
     return Timing(object_speed=float(np.radians(problem.control.speed_deg_s)))
 
 
+def build_improvement(problem: Problem) -> Improvement:
+    """Return how long better plans are looked for, and what makes one better."""
+    weights = problem.gait.weights
+    return Improvement(
+        problem.gait.improvement,
+        CostWeights(weights.placement, weights.turn, weights.load, weights.clearance),
+    )
+
+
 def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
@@ -110,7 +120,7 @@ def plan(problem: Problem) -> Plan:
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
     if asked.contacts_deg is None:
-        return plan_object_manipulation(hand, goal, start, *means)
+        return plan_object_manipulation(hand, goal, start, *means, build_improvement(problem))
     wanted = compute_contact_directions(asked.contacts_deg)
     if asked.kind == "grasp_adjustment":
         return plan_grasp_adjustment(hand, X_WO, start, wanted, *means, asked.keep_object)

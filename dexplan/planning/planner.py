@@ -11,6 +11,7 @@ import numpy as np
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.blocked import explain_no_pair
 from dexplan.planning.contacts import ContactTable
+from dexplan.planning.cost import Improvement
 from dexplan.planning.escape import ENOUGH, count_room, find_escapes
 from dexplan.planning.gaits import build_actions
 from dexplan.planning.goal import VERTICAL, RotationGoal, build_detours, build_routes
@@ -31,6 +32,10 @@ ROUTE_COST = 12.0
 """The next route is tried whenever so many more nodes have been opened."""
 SPENT = 0.1
 """What every node opened on a route takes from its promise, in placements."""
+
+
+FIRST = Improvement()
+"""The first plan is good enough."""
 
 
 def refuse(
@@ -76,13 +81,15 @@ def plan_rotation(
     start: Start,
     node_budget: int,
     primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan that takes the object to ``goal`` by finger gaiting.
 
-    ``primitives``: the gaits that may be used; "rewind" alone moves the object with one pair of fingers only.  No plan is an
-    answer with a status, not an exception.
+    ``primitives``: the gaits that may be used; "rewind" alone moves the object with one pair of fingers only.  ``improvement``:
+    how long better plans are looked for once there is one, within the ``node_budget``.  No plan is an answer with a status, not
+    an exception.
     """
-    return _Planning(hand, goal, start, node_budget, primitives).answer()
+    return _Planning(hand, goal, start, node_budget, primitives, improvement).answer()
 
 
 @dataclass(eq=False)
@@ -94,8 +101,10 @@ class _Planning:
     start: Start
     node_budget: int
     primitives: tuple[Literal["substitution", "rewind"], ...]
+    improvement: Improvement
     contacts: tuple[Placement | None, ...] = ()
     searches: list[GaitSearch] = field(default_factory=list)
+    costs: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._admissibility = Admissibility(self.hand)
@@ -103,8 +112,14 @@ class _Planning:
 
     @property
     def statistics(self) -> dict[str, float]:
-        """Nodes opened, states checked and routes begun."""
+        """Nodes opened, states checked, routes begun, plans found, and what the first and the best of them cost."""
+        found = (
+            {"plans": len(self.costs), "first_cost": self.costs[0], "cost": min(self.costs)}
+            if self.costs
+            else {}
+        )
         return {
+            **found,
             "nodes": sum(s.opened for s in self.searches),
             "states_checked": sum(s.states_checked for s in self.searches),
             "routes": len(self.searches),
@@ -122,12 +137,24 @@ class _Planning:
             self._find_held(first.tables[0])
         )
         proposals = self._propose(first.tables[0])
-        while (left := self.node_budget - int(self.statistics["nodes"])) > 0:
+        best: tuple[float, GaitSearch, Node] | None = None
+        until = self.node_budget
+        while (left := until - int(self.statistics["nodes"])) > 0:
             search = self._choose_search(proposals)
             if search is None:
                 break
-            if (node := search.run(min(STRETCH, left))) is not None:
-                return self._build(search, node)
+            node = search.run(min(STRETCH, left))
+            if node is None:
+                continue
+            self.costs.append(search.compute_cost(node, self.improvement.weights))
+            if best is None:
+                until = min(until, int((1.0 + self.improvement.share) * self.statistics["nodes"]))
+            if best is None or self.costs[-1] < best[0]:
+                best = self.costs[-1], search, node
+            for begun in self.searches:
+                begun.seek_cheaper(best[0], self.improvement.weights)
+        if best is not None:
+            return self._build(*best[1:])
         if pair_missing:
             return self._refuse("no_admissible_pair", self._explain_pair(first.tables[0], ""))
         if all(s.is_exhausted for s in self.searches):

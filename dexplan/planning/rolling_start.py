@@ -11,11 +11,12 @@ from itertools import islice
 from typing import Literal
 
 from dexplan.planning.admissible import Admissibility
+from dexplan.planning.cost import Improvement
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Plan
-from dexplan.planning.planner import Start, plan_rotation
+from dexplan.planning.planner import FIRST, Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan, RollToPair, build_roll_actions
 
 OPTIONS = 8
@@ -28,16 +29,17 @@ def plan_object_manipulation(
     start: Start,
     node_budget: int,
     primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan that takes the object to ``goal``; arguments as in :func:`plan_rotation`."""
-    plan = plan_rotation(hand, goal, start, node_budget, primitives)
+    plan = plan_rotation(hand, goal, start, node_budget, primitives, improvement)
     if plan.status != "no_admissible_pair" or sum(c is not None for c in plan.start_contacts) < 3:
         return plan
     rolling = RollToPair(hand, goal.X_WO_start, plan.start_contacts, Admissibility(hand))
     refused = ""
     for option in islice(rolling.options(), OPTIONS):
         after = tuple(None if c is None or c.finger == option.lifted else c.X_OF for c in option.contacts)
-        rest = plan_rotation(hand, goal, after, node_budget, primitives)
+        rest = plan_rotation(hand, goal, after, node_budget, primitives, improvement)
         if rest.is_solved:
             return _join(hand, goal, plan, option, rest)
         refused = refused or f"{rest.status}: {rest.reason}"

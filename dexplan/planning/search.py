@@ -16,20 +16,21 @@ import numpy as np
 
 from dexplan.planning.admissible import Admissibility, worst
 from dexplan.planning.contacts import ContactTable
+from dexplan.planning.cost import CostWeights, compute_cost
 from dexplan.planning.gaits import Step
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held, Landfall
 from dexplan.planning.legs import Leg
 from dexplan.planning.nodes import Node, build_steps, trace_back
+from dexplan.planning.ranking import Ranking
 from dexplan.planning.states import DETOUR_COST, StateChecks, without_numbers
 
 TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)
 """Shares of the longest possible motion after which a finger is exchanged."""
 STRIDE = 4
 """A first look at a motion checks every so many stations."""
-GREED = 3.0
-"""How much more a turn still to be made counts than placements already spent.  One placement is taken to be worth half of what
-a finger can carry a contact; above 1 the search looks for a good gait soon rather than for the best one at last."""
+GAIN = 0.5
+"""A plan that costs hardly less than the one in hand is not worth looking for."""
 CROWDED, FAILED = 1.0, 0.25
 """What a node's priority loses for every one like it that was opened, or tried in vain, before: else the search would spend its
 nodes on variations of one idea."""
@@ -67,7 +68,8 @@ class GaitSearch:
         self._seen: set[tuple[object, ...]] = set()
         self._crowds: dict[tuple[object, ...], float] = {}
         self._refusals: dict[str, int] = {}
-        self._worths: dict[int, float] = {}
+        self._ranking = Ranking(self.tables, self._rewinds_only)
+        self._weights, self._dearest = CostWeights(), np.inf
         self.opened = 0
 
     @property
@@ -100,13 +102,17 @@ class GaitSearch:
         lasts = min(h.left for h in held) if promise is None else promise
         self._push(Node(0, 0, held, 0, promise=lasts, load=load))
 
+    def seek_cheaper(self, cost: float, weights: CostWeights) -> None:
+        """Go on without what will hardly cost less than ``cost``."""
+        self._dearest, self._weights = cost, weights
+
     def run(self, nodes: int) -> Node | None:
         """Open up to ``nodes`` more nodes; return the one from which the goal is reached, None if there was none."""
         limit = self.opened + nodes
         while self._heap and self.opened < limit:
             entry = heapq.heappop(self._heap)
             node, key = entry.node, self._key(entry.node)
-            if key in self._seen:
+            if key in self._seen or self._is_dear(node):
                 continue
             cell = self._cell(node)
             crowd = self._crowds.get(cell, 0.0)
@@ -237,7 +243,7 @@ class GaitSearch:
     # -- search ----------------------------------------------------------------------------------------------------------
 
     def _push(self, node: Node, crowd: float = 0.0) -> None:
-        heapq.heappush(self._heap, _Entry(self._rank(node) + crowd, self._serial, node, crowd))
+        heapq.heappush(self._heap, _Entry(self._ranking.rank(node) + crowd, self._serial, node, crowd))
         self._serial += 1
 
     def _key(self, node: Node) -> tuple[object, ...]:
@@ -254,57 +260,15 @@ class GaitSearch:
         )
         return node.leg, node.done // 5, places
 
+    def _is_dear(self, node: Node) -> bool:
+        """Return whether a way through ``node`` is no improvement on the plan in hand."""
+        if self._dearest == np.inf:
+            return False
+        return self._ranking.foresee_cost(node, self._weights) > self._dearest - GAIN
+
     def _refuse(self, refusal: str) -> None:
         text = without_numbers(refusal)
         self._refusals[text] = self._refusals.get(text, 0) + 1
-
-    def _worth(self, leg: int) -> float:
-        """Return the stations that one placement is worth on a leg: half of what a finger can carry a contact."""
-        if self.route[leg].is_shift:
-            return float(self.tables[leg].stations)
-        if leg not in self._worths:
-            runs = [np.percentile(c.carry, 90) for c in self.tables[leg].candidates.values() if len(c.carry)]
-            self._worths[leg] = max(1.0, 0.5 * float(np.mean(runs))) if runs else 1.0
-        return self._worths[leg]
-
-    def _rank(self, node: Node) -> float:
-        """Return the priority of a node; the smallest is opened first."""
-        ahead, lefts = self.tables[node.leg].stations - node.done, [h.left for h in node.held]
-        lasts = min(node.promise, *lefts)
-        missing = self._count_missing(node.leg, ahead, lasts, max(lefts))
-        if missing and self._rewinds_only:
-            missing = 2.0 * missing + 0.5 * self._rewind_steps(node)
-        later = range(node.leg + 1, len(self.route))
-        if later and not missing and not self.route[later[0]].is_shift:
-            # These contacts begin the next leg: how far would they get there?
-            turned = [(h.finger, self.tables[node.leg].normal(h.carried(ahead))) for h in node.held]
-            lefts = [self.tables[later[0]].foresee_carry(*one) for one in turned]
-            missing += self._count_missing(later[0], self.tables[later[0]].stations, min(lefts), max(lefts))
-            later = later[1:]
-        missing += sum(self.route[i].stations / self._worth(i) for i in later if not self.route[i].is_shift)
-        # Between equals, prefer grasps that carry easily: small forces and room for error.
-        return node.placements + GREED * missing + node.load + 30.0 * max(0.0, node.load - 0.88)
-
-    def _count_missing(self, leg: int, ahead: int, lasts: int, longest: int) -> float:
-        """Return about how many placements are missing on a leg to go ``ahead`` stations on with contacts that have so much left.
-
-        A turn ends when one contact is used up; what the other has left then serves the next turn, about half of it.
-        """
-        if ahead <= lasts:
-            return 0.0
-        return 0.6 + 0.5 * (ahead - lasts + max(0, ahead - longest)) / self._worth(leg)
-
-    def _rewind_steps(self, node: Node) -> int:
-        """Return how many placements are missing before the pair that moves the object can do so again."""
-        if not node.pair:
-            return 0
-        fresh = 0.5 * self._worth(node.leg)
-        inside = {h.finger: h.left >= fresh for h in node.held if h.finger in node.pair}
-        steps = len(node.pair) - sum(inside.values())  # those used up, and those that are away, come back
-        exhausted = sum(not good for good in inside.values())
-        # A finger that holds and is used up can only be lifted when another stands in for it.
-        stands_in = len(inside) < len(node.held)
-        return steps + (exhausted if not stands_in else max(0, exhausted))
 
     def _children(self, node: Node) -> list[Node]:
         """Return what can be done after going on with the node's grasp, to the end of its reach or less."""
@@ -383,6 +347,15 @@ class GaitSearch:
             load=node.load,
         )
         self._push(child)
+
+    def compute_cost(self, node: Node, weights: CostWeights) -> float:
+        """Return what the way to ``node`` and on to the goal costs, a way that :meth:`run` has returned."""
+        way = trace_back(node)
+        legs = zip((self.route[n.leg] for n in way), way, self._motions(way), strict=True)
+        turned = sum(abs(leg.turned(n.done + moved) - leg.turned(n.done)) for leg, n, moved in legs)
+        shifted = sum(float(np.linalg.norm(leg.shift_W)) for leg in self.route)
+        margins = [m for n in way for m in (n.margins, n.place_margins)]
+        return compute_cost(weights, node.placements, turned, shifted, margins)
 
     # -- answer ----------------------------------------------------------------------------------------------------------
 

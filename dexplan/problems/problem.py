@@ -165,11 +165,25 @@ class GoalSection:
 
 
 @dataclass(frozen=True)
+class WeightsSection:
+    """What a plan costs: per placement, per radian of the object's path, for its worst load and for its smallest clearance."""
+
+    placement: float = 1.0
+    turn: float = 0.25
+    load: float = 1.0
+    clearance: float = 0.5
+
+
+@dataclass(frozen=True)
 class GaitSection:
     """What the planner may use (no ``primitives``: the contacts stay fixed), and how many search nodes it may open."""
 
     primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution", "rewind")
-    node_budget: int = 200_000
+    node_budget: int = 2_000
+    improvement: float = 1.0
+    """How much longer than for the first plan the search goes on for one that costs less; within the budget."""
+    weights: WeightsSection = WeightsSection()
+    """What a plan costs."""
 
 
 @dataclass(frozen=True)
