@@ -37,7 +37,7 @@ STOREYS = {
     "grasp": Storey(GROUND | {"contact"}, MATH | {"osqp", "daqp"}),
     "models": Storey(set(), set()),
     "scene": Storey(GROUND | {"contact", "grasp", "models"}, MATH | {"mujoco", "dm_control", "platformdirs"}),
-    "planning": Storey(GROUND | {"contact", "grasp", "scene"}, MATH),
+    "planning": Storey(GROUND | {"contact", "grasp", "scene"}, MATH | {"ompl"}),
     "control": Storey(GROUND | {"contact", "grasp", "scene", "planning"}, MATH | {"mujoco", "mink", "daqp"}),
     "sim": Storey(GROUND | (INNER - {"models"}), MATH | {"mujoco"}),
     "viz": Storey(

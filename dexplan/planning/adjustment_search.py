@@ -16,6 +16,7 @@ import numpy as np
 
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.coordinated import ObjectMotion
+from dexplan.planning.gaits import describe_detour
 from dexplan.planning.hand import HandModel
 from dexplan.planning.layers import Layers
 from dexplan.planning.moves import Adjustment, Contacts, Move, is_same, reverse_roll
@@ -24,6 +25,7 @@ from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
 from dexplan.planning.states import without_numbers
 from dexplan.planning.still import Stand, StillContacts, land_again
+from dexplan.planning.travel import Way
 from dexplan.scene.workspace import spread_directions
 
 GREED = 2.5
@@ -57,6 +59,7 @@ class _Node:
     margins: dict[str, float] = field(default_factory=dict)
     drawback: float = 0.0
     waited: int = 0
+    way: Way | None = None
 
 
 @dataclass(order=True)
@@ -282,7 +285,8 @@ class AdjustmentSearch:
         spot = node.stand[f] if node.stand[f] is not None else node.parent.stand[f]
         assert spot is not None
         fewer = tuple(None if k == f else s for k, s in enumerate(node.stand))
-        clearance, names = still.clear_on_way(fewer, spot)
+        way = still.find_way(fewer, spot)
+        node.way, clearance, names = way if way.around else None, way.clearance, way.names
         node.margins["clearance_mm"] = min(node.margins["clearance_mm"], 1e3 * clearance)
         if clearance < self.hand.limits.clearance:
             return f"{names} come within {1e3 * clearance:.1f} mm on the way"
@@ -354,14 +358,16 @@ class AdjustmentSearch:
             assert f is not None
             spot = node.stand[f]
             if spot is None:
-                moves.append(
-                    Move("lift", f, contacts, still.X_WO, node.margins, why="the others hold without it")
-                )
+                why = f"the others hold without it{describe_detour(node.way)}"
+                back = node.way.postures[::-1] if node.way else None
+                moves.append(Move("lift", f, contacts, still.X_WO, node.margins, why=why, way=back))
                 continue
             why = {None: "it stands in for a finger that has to move", 0: "it comes to its goal contact"}.get(
                 still.labels[spot], "it comes near its goal contact, from where it is rolled there"
             )
-            moves.append(Move("place", f, contacts, still.X_WO, node.margins, why=why))
+            why += describe_detour(node.way)
+            there = node.way.postures if node.way else None
+            moves.append(Move("place", f, contacts, still.X_WO, node.margins, why=why, way=there))
         option = self._targets[self.layers[-1].label(last.stand)]
         if option is not None:
             after = list(self.layers[-1].placements(last.stand))

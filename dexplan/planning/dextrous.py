@@ -62,8 +62,9 @@ def plan_dextrous_manipulation(
             KIND,
             goal,
             "goal_contacts_unreachable",
-            f"{missing} cannot reach the goal contact with the object at its goal; move the contact towards the finger, or "
-            "choose another attitude",
+            f"{missing} cannot reach the goal contact with the object at its goal; move the contact towards the finger, "
+            + ("shorten goal.translation_m, or " if np.any(goal.shift_W) else "or ")
+            + "choose another attitude",
         )
     if refusal := stages.refuse_goal(goal.X_WO_goal, landed):
         return stages.refuse(
@@ -96,7 +97,7 @@ def _plan_in_order(
             return stages.build_plan(KIND, goal, actions, first)
         why = why or refused
     return stages.refuse(
-        KIND, goal, "no_dextrous_plan", f"{why}; {suggest_cure(why)}, or try another goal.order"
+        KIND, goal, "no_dextrous_plan", f"{stages.explain_end(why)}, or try another goal.order"
     )
 
 

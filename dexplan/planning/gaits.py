@@ -87,7 +87,7 @@ def _place(contacts: list[Placement | None], step: Step, previous: Step, still: 
         grasping=before,
         contacts_end=tuple(contacts),
         phases=tuple(phases),
-        why=f"{_gait(step)}it forms a force-closure grasp with finger {partner + 1}{_around(way)}",
+        why=f"{_gait(step)}it forms a force-closure grasp with finger {partner + 1}{describe_detour(way)}",
         limiting_finger=previous.limit[0],
         limit=previous.limit[1],
         margins=step.place_margins,
@@ -115,7 +115,7 @@ def _lift(contacts: list[Placement | None], step: Step, previous: Step, still: d
         grasping=_holding(contacts),
         contacts_end=tuple(contacts),
         phases=tuple(phases),
-        why=f"{_gait(step)}{stands_in}{ended}{_around(way)}",
+        why=f"{_gait(step)}{stands_in}{ended}{describe_detour(way)}",
         limiting_finger=limiting,
         limit=limit,
         margins=step.place_margins,
@@ -128,8 +128,9 @@ def _gait(step: Step) -> str:
     return "finger rewind: " if step.is_rewind else ""
 
 
-def _around(way: Way | None) -> str:
-    return f"; a detour keeps {way.around} apart" if way is not None else ""
+def describe_detour(way: Way | None) -> str:
+    """Return what a detour is for, to be added to why a finger moves; "" for an arc."""
+    return f"; a detour keeps {way.around} apart" if way is not None and way.around else ""
 
 
 def _move(contacts: list[Placement | None], step: Step, axis_W: Array) -> Action:

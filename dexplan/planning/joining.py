@@ -93,6 +93,7 @@ def _relocate(move: Move, before: Contacts, axis_W: Array) -> Action:
         why=move.why,
         margins=move.margins,
         rolls=move.rolls,
+        way=move.way,
     )
 
 

@@ -29,6 +29,8 @@ class Move:
     rolls: tuple[Roll, ...] = ()
     why: str = ""
     motion: ObjectMotion | None = None
+    way: Array | None = None
+    """The postures (K, J) of the finger's way where they are not the arc's, as it walks them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,7 @@ REST_SHIFT = 0.25
 class Stages:
     """What stays the same while ways of reaching goal contacts are tried; counts the work.
 
-    ``opened``: nodes of all searches so far; ``exhausted``: adjustments that had nothing left to try.
+    ``opened``: nodes of all searches so far; ``exhausted``: adjustments of the start grasp that had nothing left to try.
     """
 
     hand: HandModel
@@ -127,6 +127,17 @@ class Stages:
         stand = tuple(None if c is None else still.add(c) for c in contacts)
         return still.judge(stand).refusal
 
+    def explain_end(self, why: str) -> str:
+        """Return ``why`` with what would help; where everything was tried from the start grasp, friction is what was short."""
+        if not self.exhausted:
+            return f"{why}; {suggest_cure(why)}"
+        apart = np.degrees(np.arccos(StillContacts(self.hand, self.X_WO, self.admissibility).opposite))
+        return (
+            f"{why}; every grasp that the start grasp leads to was tried, and with the believed friction two fingers hold alone "
+            f"only where they are {apart:.0f} deg or more apart; raise the friction, lower friction.safety, choose another start "
+            f"grasp, or {suggest_cure(why)}"
+        )
+
     def run(
         self,
         before: ObjectMotion,
@@ -171,7 +182,7 @@ class Stages:
                 )
                 found = search.run(min(budget, self.node_budget))
                 self.opened += found.opened
-                self.exhausted += found.is_exhausted
+                self.exhausted += found.is_exhausted and not first
                 if found.moves is None:
                     refused = f"no way from the grasp there to the goal grasp: {found.reason}"
                 else:

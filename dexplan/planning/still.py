@@ -8,12 +8,13 @@ import numpy as np
 
 from dexplan.planning.admissible import Admissibility, FingerState, Margins, compute_finger_states
 from dexplan.planning.aligned import build_aligned
+from dexplan.planning.detour import Surroundings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import compute_pair_angle_max, keeps_order
 from dexplan.planning.spherical_wrist import estimate_dexterity, solve_tip_pose
-from dexplan.planning.travel import build_travel, compute_hover
+from dexplan.planning.travel import Way, build_travel, compute_hover, find_way
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
 from dexplan.scene.workspace import spread_directions
 from dexplan.spatial import Array, invert_pose
@@ -23,6 +24,8 @@ Stand = tuple[int | None, ...]
 
 DIRECTIONS = 240
 """Directions around the object at which intermediate landings are tried."""
+DETOURS = 4
+"""So many detours are looked for in vain around one pose of the object."""
 
 
 def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) -> list[Placement | None]:
@@ -85,8 +88,9 @@ class StillContacts:
     _margins: dict[Stand, Margins] = field(default_factory=dict)
     _landings: dict[int, list[int]] = field(default_factory=dict)
     _loads: dict[tuple[int, int], Array] = field(default_factory=dict)
-    _ways: dict[int, Array] = field(default_factory=dict)
-    _clearances: dict[tuple[Stand, int], tuple[float, str]] = field(default_factory=dict)
+    _arcs: dict[int, Array] = field(default_factory=dict)
+    _ways: dict[tuple[Stand, int], Way] = field(default_factory=dict)
+    _detours: int = 0
 
     def __post_init__(self) -> None:
         limits = self.hand.limits
@@ -182,25 +186,27 @@ class StillContacts:
         normals.update({f: self._normals[s] for f, s in enumerate(stand) if s is not None})
         return keeps_order(self.hand, normals)
 
-    def clear_on_way(self, stand: Stand, spot: int) -> tuple[float, str]:
-        """Return the clearance [m] and who comes so near while a free finger of ``stand`` goes between home and ``spot``.
+    def find_way(self, stand: Stand, spot: int) -> Way:
+        """Return how a free finger of ``stand`` goes between home and ``spot``, around what is in the arc's way.
 
         The last bit, from the hover down along the normal, is judged at its end, where all touch.
         """
         key = (stand, spot)
-        if key not in self._clearances:
+        if key not in self._ways:
             placement = self.spots[spot]
             finger = self.hand.fingers[placement.finger]
-            if spot not in self._ways:
+            if spot not in self._arcs:
                 hover = compute_hover(
                     finger, self.X_WO, placement.X_OF, placement.normal_O, placement.q, self.hand.hover
                 )
-                self._ways[spot] = build_travel(finger, finger.q_home, hover, self.X_WO[:3, 3])
+                self._arcs[spot] = build_travel(finger, finger.q_home, hover, self.X_WO[:3, 3])
+            arc = self._arcs[spot]
             touching = tuple(f for f, s in enumerate(stand) if s is not None)
-            clearance, names = self.admissibility.compute_path_clearance(
-                self.postures(stand), self.X_WO, placement.finger, self._ways[spot], touching
-            )
-            if compute_joint_margin(finger.chain, self._ways[spot]).min() < 0.0:
-                clearance, names = -np.inf, f"{finger.name} and a joint limit"
-            self._clearances[key] = clearance, names
-        return self._clearances[key]
+            around = Surroundings(self.hand, self.postures(stand), self.X_WO, placement.finger, touching)
+            if compute_joint_margin(finger.chain, arc).min() < 0.0:
+                way = Way(arc, -np.inf, f"{finger.name} and a joint limit")
+            else:
+                way = find_way(around, arc, self._detours < DETOURS)
+                self._detours += way.clearance < self.hand.limits.clearance
+            self._ways[key] = way
+        return self._ways[key]

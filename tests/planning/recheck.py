@@ -14,6 +14,7 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.admissible import Admissibility
+from dexplan.planning.detour import interpolate
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Action, Placement, Plan
 from dexplan.planning.travel import build_travel
@@ -77,7 +78,8 @@ class Recheck:
         placed = action.contacts_end[finger]
         assert placed is not None
         hover = self._hover(name, placed)
-        path = build_travel(self.hand.fingers[finger], self._q[finger], hover, self._X_WO[:3, 3])
+        arc = build_travel(self.hand.fingers[finger], self._q[finger], hover, self._X_WO[:3, 3])
+        path = arc if action.way is None else self._check_ends(name, action.way, arc)
         self._check_path(name, finger, path, before)
         self._check_path(name, finger, self._lower(name, placed, hover), (*before, finger))
         self._contacts[finger] = placed
@@ -97,9 +99,9 @@ class Recheck:
         self._check_path(name, finger, self._lower(name, landed, hover), self._holding)
         self._contacts[finger] = None
         home = self.hand.fingers[finger].q_home
-        self._check_path(
-            name, finger, build_travel(self.hand.fingers[finger], hover, home, self._X_WO[:3, 3]), rest
-        )
+        arc = build_travel(self.hand.fingers[finger], hover, home, self._X_WO[:3, 3])
+        path = arc if action.way is None else self._check_ends(name, action.way, arc)
+        self._check_path(name, finger, path, rest)
         self._q[finger] = home
         self._check_state(name, self._X_WO, rest)
         self._expect(name, action.grasping == rest, "names other fingers that hold meanwhile")
@@ -198,6 +200,12 @@ class Recheck:
             name, np.allclose(q, placed.q, atol=1e-4), f"finger {f + 1} comes down on another branch"
         )
         return np.stack(rows)
+
+    def _check_ends(self, name: str, way: Array, arc: Array) -> Array:
+        """Return the plan's own way, which has to go where the arc would, as finely as the controller's spline sees it."""
+        ends = np.allclose(way[[0, -1]], arc[[0, -1]], atol=1e-4)
+        self._expect(name, ends, "a detour begins or ends elsewhere")
+        return interpolate(way, np.linspace(0.0, 1.0, 161))
 
     def _check_path(self, name: str, finger: int, path: Array, touching: tuple[int, ...]) -> None:
         """Nothing in the way, everything within the limits."""
