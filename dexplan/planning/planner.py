@@ -306,9 +306,15 @@ class _Planning:
         self.contacts = tuple(placed)
         refusal = search.refuse_start(tuple(held))
         if refusal and (len(held) < 3 or table.has_pair(tuple(held))):
+            # Two contacts have to hold alone; of three that do not, rolling may make two that do.
+            apart = (
+                ""
+                if table.has_pair(tuple(held))
+                else f", and two contacts alone have to be {table.needed_angle()}"
+            )
             return self._refuse(
                 "start_inadmissible",
-                f"the start contacts do not hold the object: {refusal}; move them nearer to opposite, or {CURE}",
+                f"the start contacts do not hold the object: {refusal}{apart}; move them nearer to opposite, or {CURE}",
             )
         if refusal:
             return self._refuse("no_admissible_pair", self._explain_pair(table, refusal))

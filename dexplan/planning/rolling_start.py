@@ -33,7 +33,8 @@ def plan_object_manipulation(
 ) -> Plan:
     """Return a plan that takes the object to ``goal``; arguments as in :func:`plan_rotation`."""
     plan = plan_rotation(hand, goal, start, node_budget, primitives, improvement)
-    if plan.status != "no_admissible_pair" or sum(c is not None for c in plan.start_contacts) < 3:
+    stuck = ("no_admissible_pair", "no_gait", "budget_exhausted")
+    if plan.status not in stuck or sum(c is not None for c in plan.start_contacts) < 3:
         return plan
     rolling = RollToPair(hand, goal.X_WO_start, plan.start_contacts, Admissibility(hand))
     refused = ""

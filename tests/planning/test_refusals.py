@@ -44,11 +44,11 @@ def test_friction_too_low_for_a_gait(problem: Problem) -> None:
     assert "raise the friction" in reason
 
 
-def test_start_pair_too_near_for_any_lift(problem: Problem) -> None:
+def test_start_pair_too_near_to_hold(problem: Problem) -> None:
     reason = refused(
-        pipeline.plan(start_from(problem, (-20.0, 0.0), (80.0, 0.0), "free")), "no_admissible_pair"
+        pipeline.plan(start_from(problem, (-20.0, 0.0), (80.0, 0.0), "free")), "start_inadmissible"
     )
-    assert "rolling" in reason
+    assert "nearer to opposite" in reason
     needed = 180.0 - 2.0 * np.degrees(np.arctan(problem.friction.believed_sliding))
     assert needed <= float(reason.split(" deg or more apart")[0].split()[-1]) < needed + 5.0
 
