@@ -25,7 +25,7 @@ TURNS = 4
 """Turns of the object that are tried before the goal is given up."""
 TURN_BUDGET = 150
 """Nodes that the search may open for each of them, each time."""
-WHOLE_BUDGET = 600
+WHOLE_BUDGET = 500
 """Nodes after which no further turn is tried."""
 ENDS = 4
 """After so many searches that had nothing left to try no further one is begun."""
