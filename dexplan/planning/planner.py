@@ -158,11 +158,20 @@ class _Planning:
         if pair_missing:
             return self._refuse("no_admissible_pair", self._explain_pair(first.tables[0], ""))
         if all(s.is_exhausted for s in self.searches):
-            return self._refuse("no_gait", f"{first.reason}; {CURE}")
+            return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first.reason)}")
         return self._refuse(
             "budget_exhausted",
             f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget",
         )
+
+    def _suggest_cure(self, refusal: str) -> str:
+        """Return what would help where ``refusal`` is the commonest reason not to go on."""
+        cures = [CURE]
+        if "obstacle" in refusal:
+            cures.insert(0, "move or shrink what is in the way")
+        if self.hand.object.allowed_regions:
+            cures.insert(0, "widen object.allowed_regions")
+        return ", or ".join(cures)
 
     def _refuse(self, status: str, reason: str) -> Plan:
         return _answer(self.hand, self.goal, status, reason, self.contacts, (), self.statistics)
@@ -280,7 +289,7 @@ class _Planning:
                 return None
             return self._refuse(
                 "no_force_closure_pair",
-                f"no two fingers reach contacts {table.needed_angle()}; {CURE}",
+                f"no two fingers reach contacts {table.needed_angle()}; {self._suggest_cure('')}",
             )
         held: list[Held] = []
         for finger, given in enumerate(self.start):
