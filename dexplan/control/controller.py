@@ -49,7 +49,8 @@ class ControlOptions:
     torsional: float
     normal_floor: float = 4.0
     normal_ceiling: float = 12.0
-    torque_fraction: float = 0.95
+    torque_fraction: float = 0.77
+    """Share of the torque limits that forces may take: plans keep to 0.70, and what the servos add has to stay below 0.8."""
     feedforward: float = 1.0
     object_feedback: float = 1.0
     object_gain: float = 2.0

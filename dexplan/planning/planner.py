@@ -19,6 +19,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held
 from dexplan.planning.legs import Leg
 from dexplan.planning.plan import SOLVED, Action, Placement, Plan
+from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.search import CURE, GaitSearch, Node
 from dexplan.spatial import Array
 
@@ -34,6 +35,8 @@ SPENT = 0.1
 """What every node opened on a route takes from its promise, in placements."""
 
 
+START_CLOSURE = float(np.radians(1.0))
+"""Angle that a pair to start from keeps to the border of the believed friction cones [rad]; pairs that are chosen keep more."""
 FIRST = Improvement()
 """The first plan is good enough."""
 
@@ -314,6 +317,9 @@ class _Planning:
             placed[h.finger] = table.placement(h, 0)
         self.contacts = tuple(placed)
         refusal = search.refuse_start(tuple(held))
+        spare = compute_pair_angle_max(self.hand.friction) - table.pair_angle(tuple(held))
+        if not refusal and len(held) == 2 and spare < START_CLOSURE:
+            refusal = f"they are force closed with {np.degrees(spare):.1f} deg to spare, {np.degrees(START_CLOSURE):.1f} are kept"
         if refusal and (len(held) < 3 or table.has_pair(tuple(held))):
             # Two contacts have to hold alone; of three that do not, rolling may make two that do.
             apart = (
