@@ -95,6 +95,20 @@ def plan_rotation(
     return _Planning(hand, goal, start, node_budget, primitives, improvement).answer()
 
 
+def plan_rotations(
+    hand: HandModel,
+    goal: RotationGoal,
+    start: Start,
+    node_budget: int,
+    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+) -> Iterator[Plan]:
+    """Yield plans as :func:`plan_rotation` finds them, one after another: they end in different grasps.
+
+    Where there is none, the one plan that is yielded says why.
+    """
+    yield from _Planning(hand, goal, start, node_budget, primitives, FIRST).answers()
+
+
 @dataclass(eq=False)
 class _Planning:
     """One goal on its way to a plan: the routes, a search for each that was begun, and what was refused."""
@@ -130,36 +144,58 @@ class _Planning:
 
     def answer(self) -> Plan:
         """Return the plan."""
-        if refusal := self._check_goal():
-            return self._refuse("goal_unreachable", refusal)
-        first = GaitSearch(self.hand, build_routes(self.goal)[0], self._admissibility, self.primitives)
-        self.searches.append(first)
-        if refused := self._begin_first(first):
-            return refused
-        pair_missing = self.start is not None and not first.tables[0].has_pair(
-            self._find_held(first.tables[0])
-        )
-        proposals = self._propose(first.tables[0])
+        refusal = self._begin_all()
+        if refusal is not None:
+            return refusal
         best: tuple[float, GaitSearch, Node] | None = None
-        until = self.node_budget
-        while (left := until - int(self.statistics["nodes"])) > 0:
-            search = self._choose_search(proposals)
-            if search is None:
-                break
-            node = search.run(min(STRETCH, left))
-            if node is None:
-                continue
+        for search, node in self._find_ways():
             self.costs.append(search.compute_cost(node, self.improvement.weights))
             if best is None:
-                until = min(until, int((1.0 + self.improvement.share) * self.statistics["nodes"]))
+                until = int((1.0 + self.improvement.share) * self.statistics["nodes"])
+                self.node_budget = min(self.node_budget, until)
             if best is None or self.costs[-1] < best[0]:
                 best = self.costs[-1], search, node
             for begun in self.searches:
                 begun.seek_cheaper(best[0], self.improvement.weights)
-        if best is not None:
-            return self._build(*best[1:])
-        if pair_missing:
-            return self._refuse("no_admissible_pair", self._explain_pair(first.tables[0], ""))
+        return self._explain_failure() if best is None else self._build(*best[1:])
+
+    def answers(self) -> Iterator[Plan]:
+        """Yield plan after plan as they are found, or the one that says why there is none."""
+        refusal = self._begin_all()
+        if refusal is not None:
+            yield refusal
+            return
+        found = False
+        for search, node in self._find_ways():
+            found = True
+            yield self._build(search, node)
+        if not found:
+            yield self._explain_failure()
+
+    def _begin_all(self) -> Plan | None:
+        """Begin with the first route, or return the refusal of goal or start."""
+        if refusal := self._check_goal():
+            return self._refuse("goal_unreachable", refusal)
+        first = GaitSearch(self.hand, build_routes(self.goal)[0], self._admissibility, self.primitives)
+        self.searches.append(first)
+        return self._begin_first(first)
+
+    def _find_ways(self) -> Iterator[tuple[GaitSearch, Node]]:
+        """Yield ways to the goal, each as its search and last node, until the budget is spent."""
+        proposals = self._propose(self.searches[0].tables[0])
+        while (left := self.node_budget - int(self.statistics["nodes"])) > 0:
+            search = self._choose_search(proposals)
+            if search is None:
+                return
+            if (node := search.run(min(STRETCH, left))) is not None:
+                yield search, node
+
+    def _explain_failure(self) -> Plan:
+        """Return the plan that says why no way was found."""
+        first = self.searches[0]
+        table = first.tables[0]
+        if self.start is not None and not table.has_pair(self._find_held(table)):
+            return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
         if all(s.is_exhausted for s in self.searches):
             return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first.reason)}")
         return self._refuse(
