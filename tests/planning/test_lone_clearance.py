@@ -1,0 +1,91 @@
+"""One finger's clearance, remembered by direction: what the probe says, whoever asked what before."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dexplan import pipeline
+from dexplan.planning.aligned import build_aligned
+from dexplan.planning.hand import HandModel
+from dexplan.planning.icosphere import build_icosphere
+from dexplan.planning.lone_clearance import LEVEL, LoneClearance, remember_clearances
+from dexplan.planning.spherical_wrist import solve_tip_pose
+from dexplan.problems.read import load_problem
+from dexplan.scene.workspace import spread_directions
+from dexplan.spatial import Array, make_pose
+
+SHELF = {"kind": "box", "pos_m": [0.075, -0.03, 0.136], "size_m": [0.002, 0.06, 0.002]}
+
+
+@pytest.fixture(scope="module")
+def barred() -> HandModel:
+    """Return the hand with a bar that some contacts of finger 1 are too near to."""
+    problem = load_problem("fig4_substitution", {"obstacles": [SHELF]})
+    return pipeline.build_hand(problem, pipeline.build_scene(problem))
+
+
+def probe(hand: HandModel, finger: int, center: Array, normal: Array, gap: float) -> str:
+    """Return what the probe itself says of the finger at ``gap`` [m] over the ball; "" where the place is out of reach."""
+    X = build_aligned(hand, finger, center, normal[None])
+    X[:, :3, 3] += gap * normal
+    q, reached = solve_tip_pose(hand.workspaces[finger], X)
+    if not reached[0]:
+        return ""
+    posture = hand.q_home
+    posture[finger] = q[0]
+    touching = () if gap else (finger,)
+    clearance, names = hand.probe.compute_clearance(posture, make_pose(p=center), touching)
+    return f"{names} too near" if clearance < hand.limits.clearance else ""
+
+
+@pytest.mark.parametrize("finger", [0, 1])
+def test_directions_of_the_grid_get_the_probe_s_own_answer(barred: HandModel, finger: int) -> None:
+    center, normals = barred.object.X_WO_home[:3, 3], build_icosphere(LEVEL).vertices[::5]
+    lone = LoneClearance(barred)
+    touch, land = lone.refuse_contact(finger, center, normals), lone.refuse_landing(finger, center, normals)
+    exact = [probe(barred, finger, center, n, 0.0) for n in normals]
+    over = [probe(barred, finger, center, n, barred.hover) for n in normals]
+    assert touch == exact
+    assert land == [a or b for a, b in zip(exact, over, strict=True)]
+    if finger == 0:
+        assert any("obstacle_1" in refusal for refusal in touch)
+        # Somewhere a finger may stand but not come from.
+        assert any(b and not a for a, b in zip(touch, land, strict=True))
+
+
+def test_other_directions_get_the_answer_of_the_nearest_of_the_grid(barred: HandModel) -> None:
+    center, asked = barred.object.X_WO_home[:3, 3], spread_directions(300)
+    vertices = build_icosphere(LEVEL).vertices
+    nearest = vertices[(asked @ vertices.T).argmax(axis=1)]
+    assert (asked * nearest).sum(axis=1).min() > np.cos(np.radians(3.5))
+    lone = LoneClearance(barred)
+    assert lone.refuse_contact(0, center, asked) == lone.refuse_contact(0, center, nearest)
+
+
+def test_answers_do_not_depend_on_what_was_asked_before(barred: HandModel) -> None:
+    """One after the other, backwards, all at once, after other fingers and places: the same."""
+    home, asked = barred.object.X_WO_home[:3, 3], spread_directions(120)
+    other = home + np.array([0.004, -0.003, 0.006])
+    at_once = {
+        (f, k): LoneClearance(barred).refuse_landing(f, center, asked)
+        for f in (0, 2)
+        for k, center in enumerate((home, other))
+    }
+    assert at_once[0, 0] != at_once[0, 1]
+    assert at_once[0, 0] != at_once[2, 0]
+    lone = LoneClearance(barred)
+    lone.refuse_contact(0, other, asked[:7])
+    answers: dict[tuple[int, int], list[str]] = {key: [""] * len(asked) for key in at_once}
+    order = np.random.default_rng(3).permutation(len(asked))
+    for j in order.tolist():
+        for f, k in reversed(at_once):
+            answers[f, k][j] = lone.refuse_landing(f, (home, other)[k], asked[j : j + 1])[0]
+    assert answers == at_once
+
+
+def test_a_hand_has_one_memo(hand: HandModel, barred: HandModel) -> None:
+    assert remember_clearances(hand) is remember_clearances(hand)
+    assert remember_clearances(hand) is not remember_clearances(barred)
+    nothing = LoneClearance(hand).refuse_landing(0, hand.object.X_WO_home[:3, 3], np.zeros((0, 3)))
+    assert nothing == []
