@@ -72,13 +72,17 @@ def build_routes(goal: RotationGoal, swings: tuple[Array, ...] = ()) -> list[tup
 def build_detours(goal: RotationGoal, axis_W: Array, angle: float) -> list[tuple[Leg, ...]]:
     """Return routes to the goal on which the object first turns by ``angle`` [rad] about the unit ``axis_W`` (3,).
 
-    Where the goal is an attitude they go on from there; else the turn asked for comes next, and what was turned first is undone.
+    Where the goal is an attitude they go on from there; else the turn asked for comes next, and what was turned first is undone,
+    never the other way round: that would make the turn about the goal's axis a whole one more, or less.
     """
     legs = [Leg(goal.X_WO_start, axis_W, angle)]
     if not goal.is_attitude:
         legs.append(Leg(legs[0].X_WO_end, goal.axis_W, goal.angle))
     rest = RotationGoal.from_attitude(legs[-1].X_WO_end, goal.X_WO_goal[:3, :3], goal.shift_W)
-    return [(*legs, *route) for route in build_routes(rest)]
+    routes = build_routes(rest)
+    if not goal.is_attitude:
+        routes = [route for route in routes if all(abs(leg.angle) <= np.pi for leg in route)]
+    return [(*legs, *route) for route in routes]
 
 
 def _build_legs(goal: RotationGoal, turns: list[tuple[Array, float]], shift: str) -> tuple[Leg, ...]:
