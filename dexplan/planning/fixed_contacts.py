@@ -142,7 +142,7 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
 
 def _is_pose_given(start: Start, finger: int) -> bool:
     given = None if start is None else start[finger]
-    return given is not None and given.shape == (4, 4)
+    return isinstance(given, Placement) or (given is not None and given.shape == (4, 4))
 
 
 def _contacts_after(

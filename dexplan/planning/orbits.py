@@ -84,7 +84,7 @@ def build_fixed_orbit(
     chain, limits = hand.fingers[finger].chain, hand.limits
     N, X = _carry_along(leg, X_WF[None], normal[None])
     if q is None and len(hand.workspaces[finger].postures):
-        solved, found = solve_tip_pose(hand.workspaces[finger], X_WF[None])
+        solved, found = solve_tip_pose(hand.workspaces[finger], X_WF[None], counts_spin=True)
         q = solved[0] if found[0] else None
     table, ok, why = _solve(hand, finger, leg, N, X, hand.fingers[finger].q_home if q is None else q)
     postures, reached, reasons = table[0].copy(), ok[0], why[0]
@@ -175,20 +175,26 @@ def _solve(
             reason[ok] = np.where(refusals == "", reason[ok], refusals)
             ok[ok] = refusals == ""
         else:
-            _look_around(hand, finger, leg, q, ok, reason)
+            _look_around(hand, finger, leg, q, ok, reason, _LOOK if stands is None else 1)
     return q, ok, [list(row) for row in reason]
 
 
 def _look_around(
-    hand: HandModel, finger: int, leg: Leg, q: Array, ok: NDArray[np.bool_], reason: NDArray[np.object_]
+    hand: HandModel,
+    finger: int,
+    leg: Leg,
+    q: Array,
+    ok: NDArray[np.bool_],
+    reason: NDArray[np.object_],
+    every: int,
 ) -> None:
     """Take out the stations at which the finger, all others at home, comes too near to something.
 
-    One station in ``_LOOK`` is looked at and speaks for its neighbours: whatever a plan goes through is looked at again.
+    One station in ``every`` is looked at and speaks for its neighbours: whatever a plan goes through is looked at again.
     """
     shifts = leg.motions[1]
     posture = hand.q_home
-    group = np.arange(ok.shape[1]) // _LOOK
+    group = np.arange(ok.shape[1]) // every
     for row in range(len(ok)):
         for g in np.unique(group[ok[row]]):
             stations = np.flatnonzero(ok[row] & (group == g))

@@ -21,11 +21,13 @@ from dexplan.planning.legs import Leg
 from dexplan.planning.plan import SOLVED, Action, Placement, Plan
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.search import CURE, GaitSearch, Node
+from dexplan.planning.spherical_wrist import solve_standing
 from dexplan.spatial import Array
 
-Start = tuple[Array | None, ...] | None
+Start = tuple[Array | Placement | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
-None for a free finger.  None instead of the tuple where the planner may choose."""
+the placement with which it came to where it stands now, or None for a free finger.  None instead of the tuple where the planner
+may choose."""
 
 STRETCH = 4
 """Nodes that the search of a route may open before another may have its turn."""
@@ -306,6 +308,12 @@ class _Planning:
         assert self.start is not None
         given = self.start[finger]
         assert given is not None
+        if isinstance(given, Placement):
+            # It stands on the branch on which it landed: on its way it has turned nothing over.
+            X_WF = self.goal.X_WO_start @ given.X_OF
+            return table.start_at(
+                finger, X_WF, solve_standing(self.hand.fingers[finger].chain, X_WF, given.q)
+            )
         if given.shape == (4, 4):
             return table.start_at(finger, self.goal.X_WO_start @ given)
         return table.start_along(finger, given)

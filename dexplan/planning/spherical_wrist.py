@@ -215,26 +215,37 @@ def find_sampled_branches(workspace: Workspace) -> tuple[Branch, ...]:
     return wrist.find_branches(workspace.postures)
 
 
-def solve_tip_pose(workspace: Workspace, X_WF: Array) -> tuple[Array, NDArray[np.bool_]]:
+def solve_tip_pose(
+    workspace: Workspace, X_WF: Array, *, counts_spin: bool = False
+) -> tuple[Array, NDArray[np.bool_]]:
     """Return postures (N, J) for tip poses (N, 4, 4) and which were reached (N,): as :meth:`Workspace.solve`, faster.
 
     The branch on which most of the workspace lies, the home posture's, is taken wherever it leaves the joints ``ROOM``: from
-    there a finger gets home without turning its wrist over.  Elsewhere it is the branch that leaves them most.  Chains of
-    another build go the general way.  Raises ValueError where the workspace is empty.
+    there a finger gets home without turning its wrist over.  Elsewhere it is the branch that leaves them most.  The last joint
+    counts only if ``counts_spin``: where a contact is to be landed on, its spin is still free.  Chains of another build go the
+    general way.  Raises ValueError where the workspace is empty.
     """
     chain, wrist = workspace.chain, find_spherical_wrist(workspace.chain)
     if wrist is None or not len(workspace.postures):
         return workspace.solve(X_WF)
     positions, poles = move_to_base(chain, X_WF[:, :3, 3], X_WF[:, :3, 2])
-    postures, reached = np.zeros((6, len(X_WF))), np.zeros(len(X_WF), dtype=bool)
+    postures, reached = np.zeros((len(X_WF), 6)), np.zeros(len(X_WF), dtype=bool)
     spare = np.full(len(X_WF), -np.inf)
     for branch in find_sampled_branches(workspace):
-        q, exists = wrist.solve(positions, poles, branch)
-        room = np.minimum(q[:5] - chain.lower[:5, None], chain.upper[:5, None] - q[:5]).min(axis=0)
-        better = exists & (room > spare) & (spare < ROOM)
-        postures[:, better], spare[better] = q[:, better], room[better]
+        pointing, exists = wrist.solve(positions, poles, branch)
+        q = wrap_to_limits(chain, _spin(chain, pointing, X_WF))
+        room = np.minimum(q - chain.lower, chain.upper - q)
+        least = room.min(axis=1) if counts_spin else room[:, :5].min(axis=1)
+        better = exists & (least > spare) & (spare < ROOM)
+        postures[better], spare[better] = q[better], least[better]
         reached |= better
-    return wrap_to_limits(chain, _spin(chain, postures, X_WF)), reached
+    return postures, reached
+
+
+def solve_standing(chain: Chain, X_WF: Array, q_landed: Array) -> Array:
+    """Return the posture (J,) of a finger that landed in ``q_landed`` (J,) and has been carried to the tip pose (4, 4) since."""
+    q, _ = solve_near(chain, X_WF[None], q_landed[None])
+    return np.asarray(wrap_to_limits(chain, q)[0])
 
 
 def solve_near(

@@ -54,7 +54,8 @@ def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) 
 def land_again(hand: HandModel, X_WO: Array, placement: Placement) -> Placement | None:
     """Return the same contact, tip pose in the object and all, with the object at ``X_WO`` (4, 4); None out of reach."""
     description, limits = hand.fingers[placement.finger], hand.limits
-    q, reached = solve_tip_pose(hand.workspaces[placement.finger], (X_WO @ placement.X_OF)[None])
+    X_WF = (X_WO @ placement.X_OF)[None]
+    q, reached = solve_tip_pose(hand.workspaces[placement.finger], X_WF, counts_spin=True)
     good = reached[0] and compute_joint_margin(description.chain, q[0]) >= limits.joint_margin
     if not good or float(estimate_dexterity(description.chain, q)[0]) < limits.dexterity:
         return None

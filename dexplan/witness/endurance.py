@@ -172,7 +172,7 @@ def plan_chain(problem: Problem, choose: ChooseGoal, count: int, tick: Tick = la
         placed = sum(action.kind == "place" for action in plan.actions)
         goals.append(PlannedGoal(abs(float(np.degrees(goal.angle))), placed, spent, len(joined.actions) - 1))
         last = plan.actions[-1]
-        X_WO, start = last.X_WO_end, tuple(None if c is None else c.X_OF for c in last.contacts_end)
+        X_WO, start = last.X_WO_end, last.contacts_end
         tick()
     return Chain(plan if joined is None else joined, tuple(goals), count, reason)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dexplan.planning import candidates
 from dexplan.planning.aligned import build_aligned
-from dexplan.planning.candidates import DIRECTIONS, POLAR_SPACING, Landings, find_landings
+from dexplan.planning.candidates import POLAR_SPACING, Landings, find_landings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import CIRCLE, STEP, Leg
 from dexplan.planning.lone_clearance import LoneClearance
@@ -16,6 +17,8 @@ from dexplan.spatial import Array, make_pose, rotate_about
 
 UP, SKEW = np.array([0.0, 0.0, 1.0]), np.array([0.48, -0.6, 0.64])
 JUMP, SIGHT = 0.30, np.radians(80.0)
+FEW = 150
+"""Directions looked at for shifts, for the sake of time."""
 
 
 def build_leg(hand: HandModel, axis: Array, angle: float, attitude: Array | None = None) -> Leg:
@@ -82,8 +85,9 @@ def walk(hand: HandModel, leg: Leg, finger: int, normal: Array, q_landed: Array)
     return CIRCLE - 1
 
 
-@pytest.mark.parametrize(("axis", "angle"), [(UP, 1.0), (SKEW, -1.0)], ids=["up", "skew, backwards"])
-@pytest.mark.parametrize("finger", [0, 2])
+@pytest.mark.parametrize(
+    ("axis", "angle", "finger"), [(UP, 1.0, 0), (SKEW, -1.0, 2)], ids=["up", "skew, backwards"]
+)
 def test_a_finger_gets_as_far_as_its_row_says(
     hand: HandModel, axis: Array, angle: float, finger: int
 ) -> None:
@@ -97,7 +101,7 @@ def test_a_finger_gets_as_far_as_its_row_says(
     _, reached = solve_tip_pose(hand.workspaces[finger], poses)
     assert reached.all()
     carries = []
-    for orbit, station, normal, carry in rows[:: len(rows) // 10]:
+    for orbit, station, normal, carry in rows[:: len(rows) // 8]:
         found = landings.orbits[orbit]
         assert found.finger == finger
         assert found.is_reached[station]
@@ -136,18 +140,21 @@ def test_no_place_is_left_out(hand: HandModel) -> None:
     assert np.percentile(nearest, 90) < 0.5 * POLAR_SPACING + STEP
 
 
-def test_a_shift_is_looked_at_from_all_sides_and_never_remembered(hand: HandModel) -> None:
+def test_a_shift_is_looked_at_from_all_sides_and_never_remembered(
+    hand: HandModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(candidates, "DIRECTIONS", FEW)
     leg = Leg(hand.object.X_WO_home, UP, 0.0, np.array([0.003, 0.0, 0.004]))
     one, two = find_landings(hand, leg), find_landings(hand, leg)
     assert one is not two
     for a, b in zip(one, two, strict=True):
-        assert len(a.orbits) == DIRECTIONS
-        assert len(a.rows.orbit) > 50
+        assert len(a.orbits) == FEW
+        assert len(a.rows.orbit) > 20
         assert np.array_equal(a.rows.normals, b.rows.normals)
         assert np.array_equal(a.rows.carry, b.rows.carry)
         # A straight line is passed once: nobody is carried beyond its end, and normals stay as they are.
         assert (a.rows.station + a.rows.carry <= leg.stations).all()
-        for orbit, station, normal, _ in rows_of(a)[::97]:
+        for orbit, station, normal, _ in rows_of(a)[::41]:
             assert np.allclose(a.orbits[orbit].normals, normal)
             assert a.orbits[orbit].is_reached[station]
 
