@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -149,17 +149,18 @@ class _Planning:
         refusal = self._begin_all()
         if refusal is not None:
             return refusal
-        best: tuple[float, GaitSearch, Node] | None = None
+        best: tuple[float, Plan] | None = None
         for search, node in self._find_ways():
             self.costs.append(search.compute_cost(node, self.improvement.weights))
             if best is None:
                 until = int((1.0 + self.improvement.share) * self.statistics["nodes"])
                 self.node_budget = min(self.node_budget, until)
             if best is None or self.costs[-1] < best[0]:
-                best = self.costs[-1], search, node
+                # Built at once: nodes are shared with ways found later, which leave their own margins behind.
+                best = self.costs[-1], self._build(search, node)
             for begun in self.searches:
                 begun.seek_cheaper(best[0], self.improvement.weights)
-        return self._explain_failure() if best is None else self._build(*best[1:])
+        return self._explain_failure() if best is None else replace(best[1], statistics=self.statistics)
 
     def answers(self) -> Iterator[Plan]:
         """Yield plan after plan as they are found, or the one that says why there is none."""
