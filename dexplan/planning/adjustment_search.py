@@ -10,22 +10,28 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
+from dexplan.planning.adjustment_nodes import (
+    Entry,
+    Labels,
+    Node,
+    build_moves,
+    change_stand,
+    count_moves,
+    trace_back,
+)
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.coordinated import ObjectMotion
-from dexplan.planning.gaits import describe_detour
 from dexplan.planning.hand import HandModel
 from dexplan.planning.layers import Layers
-from dexplan.planning.moves import Adjustment, Contacts, Move, is_same, reverse_roll
+from dexplan.planning.moves import Adjustment, Contacts, Move, is_same
 from dexplan.planning.plan import Placement
 from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
 from dexplan.planning.states import without_numbers
 from dexplan.planning.still import Stand, StillContacts, land_again
-from dexplan.planning.travel import Way
 from dexplan.scene.workspace import spread_directions
 
 GREED = 2.5
@@ -45,35 +51,12 @@ SAME = 0.5
 KINDS = spread_directions(40)
 """Contacts are alike whose directions are nearest to the same one of these."""
 
-Labels = tuple[int | None, ...]
-
-
-@dataclass(eq=False)
-class _Node:
-    layer: int
-    stand: Stand
-    spent: float
-    parent: _Node | None = None
-    changed: int | None = None
-    head: Move | None = None
-    margins: dict[str, float] = field(default_factory=dict)
-    drawback: float = 0.0
-    waited: int = 0
-    way: Way | None = None
-
-
-@dataclass(order=True)
-class _Entry:
-    priority: float
-    serial: int
-    node: _Node = field(compare=False)
-
 
 @dataclass(eq=False)
 class AdjustmentSearch:
-    """Finds moves from the contacts ``start`` to the contacts ``goal``.
+    """Finds moves from one of the grasps ``starts`` to the contacts ``goal``; ``chosen`` is the number of that one.
 
-    The object goes through ``motion`` meanwhile; ``start`` has the postures of its beginning, ``goal`` those of its end.  None
+    The object goes through ``motion`` meanwhile; ``starts`` have the postures of its beginning, ``goal`` those of its end.  None
     is a finger that is free.  ``is_simultaneous``: goal contacts may be taken before the object is at its end, and relocations
     next to a motion of the object are cheaper, for it will hide the finger's travel.  ``known_rolls``: ways to roll into or out
     of a grasp that an earlier search found; what this one finds is added.
@@ -81,16 +64,16 @@ class AdjustmentSearch:
 
     hand: HandModel
     admissibility: Admissibility
-    start: Contacts
+    starts: tuple[Contacts, ...]
     goal: Contacts
     motion: ObjectMotion
     is_simultaneous: bool = False
     known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
     opened: int = 0
-    _heap: list[_Entry] = field(default_factory=list)
+    chosen: int = 0
+    _heap: list[Entry] = field(default_factory=list)
     _serial: int = 0
     _refusals: dict[int, dict[str, int]] = field(default_factory=dict)
-    _dead_end: str = ""
     _targets: dict[Labels, RollPlan | None] = field(default_factory=dict)
     _early: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
@@ -100,26 +83,23 @@ class AdjustmentSearch:
 
     def run(self, node_budget: int) -> Adjustment:
         """Return the moves, fewest first as far as the search's greed allows."""
-        if not self._count:
-            if is_same(self.start, self.goal):
+        for number, start in enumerate(self.starts if not self._count else ()):
+            self.chosen = number
+            if is_same(start, self.goal):
                 return Adjustment((), "")
-            rolled = roll_all_the_way(
-                self.hand, self.admissibility, self.motion.X_WO_start, self.start, self.goal
-            )
+            X_WO = self.motion.X_WO_start
+            rolled = roll_all_the_way(self.hand, self.admissibility, X_WO, start, self.goal)
             if rolled is not None:
                 why = "they roll to their goal contacts"
-                moves = [
-                    Move("roll", None, r.contacts, self.motion.X_WO_start, r.margins, r.rolls, why)
-                    for r in rolled
-                ]
+                moves = [Move("roll", None, r.contacts, X_WO, r.margins, r.rolls, why) for r in rolled]
                 return Adjustment(tuple(moves), "")
-        self._set_targets()
-        self._begin()
-        if self._dead_end and not is_same(self.start, self.goal):
-            return Adjustment(None, self._dead_end)
+        refusal = self._set_targets()
+        refused = [refusal or self._begin(number, start) for number, start in enumerate(self.starts)]
+        if all(refused) and not any(is_same(start, self.goal) for start in self.starts):
+            return Adjustment(None, refused[0], is_exhausted=True)
         seen: set[tuple[int, Stand]] = set()
         likes: dict[tuple[object, ...], int] = {}
-        best: _Node | None = None
+        best: Node | None = None
         until = 0
         while self._heap and self.opened < node_budget:
             if best is not None and self.opened >= until:
@@ -150,7 +130,9 @@ class AdjustmentSearch:
                 continue
             self._expand(node)
         if best is not None:
-            return Adjustment(self._moves(best), "", self.opened)
+            self.chosen = trace_back(best)[0].start
+            option = self._targets[self.layers[-1].label(best.stand)]
+            return Adjustment(build_moves(self._layers, best, self.goal, option), "", self.opened)
         reason = self._explain()
         if self._heap:
             reason = f"{reason} ({self.opened} nodes were opened)"
@@ -165,15 +147,19 @@ class AdjustmentSearch:
 
     # -- where it begins and ends ----------------------------------------------------------------------------------------
 
-    def _set_targets(self) -> None:
-        """Note the goal contacts, and where no two of them hold those from which they are rolled into, in the last layer."""
+    def _set_targets(self) -> str:
+        """Note the goal contacts, and where no two of them hold those from which they are rolled into, in the last layer.
+
+        Return why there is no way into them, "" if there may be.
+        """
         last = self.layers[-1]
         stand = tuple(None if c is None else last.add(c, 0) for c in self.goal)
         self._wanted = {f: [s] for f, s in enumerate(stand) if s is not None}
         self._targets[last.label(stand)] = None
         if last.has_pair(stand) or len(self._wanted) < 3:
-            return
-        for number, option in enumerate(self._unroll(last, self.goal, "of the goal"), start=1):
+            return ""
+        options, refusal = self._unroll(last, self.goal, "of the goal")
+        for number, option in enumerate(options, start=1):
             before: list[int | None] = list(stand)
             for roll in option.rolls:
                 contact = option.contacts[roll.finger]
@@ -181,19 +167,23 @@ class AdjustmentSearch:
                 before[roll.finger] = last.add(contact, number)
                 self._wanted[roll.finger].append(len(last.spots) - 1)
             self._targets[last.label(tuple(before))] = option
+        return refusal
 
-    def _begin(self) -> None:
+    def _begin(self, number: int, start: Contacts) -> str:
+        """Begin with a grasp; return why no finger of it can ever be lifted, "" if one can."""
         first = self.layers[0]
-        stand = tuple(None if c is None else first.add(c, self._name(c)) for c in self.start)
-        self._push(_Node(0, stand, 0.0))
+        stand = tuple(None if c is None else first.add(c, self._name(c)) for c in start)
+        self._push(Node(0, stand, 0.0, start=number))
         if first.has_pair(stand) or sum(s is not None for s in stand) < 3:
-            return
-        for option in self._unroll(first, self.start, "of the start"):
+            return ""
+        options, refusal = self._unroll(first, start, "of the start")
+        for option in options:
             after = tuple(None if c is None else first.add(c, self._name(c)) for c in option.contacts)
             i, j = (self.hand.fingers[f].name for f in option.pair)
             why = f"no two contacts are force closed; {i} and {j} roll apart until they are"
             head = Move("roll", None, option.contacts, first.X_WO, option.margins, option.rolls, why)
-            self._push(_Node(0, after, 1.0, head=head))
+            self._push(Node(0, after, 1.0, head=head, start=number))
+        return refusal
 
     def _name(self, contact: Placement) -> int | None:
         """Return the label of a contact: a finger may stand at its goal contact already."""
@@ -201,7 +191,8 @@ class AdjustmentSearch:
         is_there = goal is not None and measure_angle(goal.normal_O, contact.normal_O) < 1e-6
         return 0 if is_there else None
 
-    def _unroll(self, still: StillContacts, contacts: Contacts, whose: str) -> list[RollPlan]:
+    def _unroll(self, still: StillContacts, contacts: Contacts, whose: str) -> tuple[list[RollPlan], str]:
+        """Return ways to roll contacts apart until two of them hold, and why there is none ("" if there is one)."""
         key = b"".join(
             [np.round(still.X_WO, 9).tobytes(), *(np.round(c.X_OF, 9).tobytes() for c in contacts if c)]
         )
@@ -211,12 +202,12 @@ class AdjustmentSearch:
             self.known_rolls[key] = options, "" if options else search.explain()
         options, refusal = self.known_rolls[key]
         if refusal:
-            self._dead_end = f"no two {whose} contacts hold, and rolling cannot make two that do: {refusal}"
-        return options
+            refusal = f"no two {whose} contacts hold, and rolling cannot make two that do: {refusal}"
+        return options, refusal
 
     # -- search ----------------------------------------------------------------------------------------------------------
 
-    def _kind(self, node: _Node) -> tuple[object, ...]:
+    def _kind(self, node: Node) -> tuple[object, ...]:
         """Return what is alike for small variations of a grasp: the pose, who touches, and roughly where."""
         still = self.layers[node.layer]
         where = (
@@ -229,23 +220,23 @@ class AdjustmentSearch:
         )
         return (node.layer, *where)
 
-    def _missing(self, node: _Node) -> int:
+    def _missing(self, node: Node) -> int:
         """Return how many placements and lifts are missing at least."""
         labels = self.layers[node.layer].label(node.stand)
-        return min(_count_moves(labels, target) for target in self._targets)
+        return min(count_moves(labels, target) for target in self._targets)
 
-    def _bound(self, node: _Node) -> float:
+    def _bound(self, node: Node) -> float:
         """Return what a way through the node counts at least."""
         return node.spent + (1.0 - HIDDEN) * self._missing(node) + CARRY_COST * (self._count - node.layer)
 
-    def _push(self, node: _Node, delay: float = 0.0) -> None:
+    def _push(self, node: Node, delay: float = 0.0) -> None:
         ahead = self._missing(node) + CARRY_COST * (self._count - node.layer)
         heapq.heappush(
-            self._heap, _Entry(node.spent + GREED * ahead + node.drawback + delay, self._serial, node)
+            self._heap, Entry(node.spent + GREED * ahead + node.drawback + delay, self._serial, node)
         )
         self._serial += 1
 
-    def _refuse(self, refusal: str, node: _Node) -> None:
+    def _refuse(self, refusal: str, node: Node) -> None:
         """Count why ``node`` is no way on, among those that come as near to the goal."""
         text = without_numbers(refusal)
         if node.changed is not None:
@@ -257,7 +248,7 @@ class AdjustmentSearch:
         counts = self._refusals.setdefault(self._missing(node), {})
         counts[text] = counts.get(text, 0) + 1
 
-    def _check_carries(self, node: _Node) -> str:
+    def _check_carries(self, node: Node) -> str:
         """Look closely at every carry on the way to ``node`` and note its margins; return why one of them cannot be made."""
         while node.parent is not None:
             if node.parent.layer != node.layer and not node.margins:
@@ -268,7 +259,7 @@ class AdjustmentSearch:
             node = node.parent
         return ""
 
-    def _check(self, node: _Node) -> str:
+    def _check(self, node: Node) -> str:
         """Return why the move that leads to ``node`` cannot be made; "" if it can."""
         still = self.layers[node.layer]
         row = still.judge(node.stand)
@@ -292,34 +283,34 @@ class AdjustmentSearch:
             return f"{names} come within {1e3 * clearance:.1f} mm on the way"
         return ""
 
-    def _expand(self, node: _Node) -> None:
+    def _expand(self, node: Node) -> None:
         stand, still = node.stand, self.layers[node.layer]
         if node.layer < self._count:
             carried = [None if s is None else self._layers.carry(node.layer, s) for s in stand]
             for c in carried:
                 if c is not None and c[2]:
-                    self._refuse(c[2], _Node(node.layer, stand, 0.0))
+                    self._refuse(c[2], Node(node.layer, stand, 0.0))
             if not any(c is not None and c[2] for c in carried):
                 there = tuple(None if c is None else c[0] for c in carried)
-                hidden = HIDDEN * (self.is_simultaneous and _was(node, "lift"))
-                start = START_COST * (node.parent is not None and not _was(node, "carry"))
-                self._push(_Node(node.layer + 1, there, node.spent + CARRY_COST + start - hidden, node))
+                hidden = HIDDEN * (self.is_simultaneous and node.was("lift"))
+                start = START_COST * (node.parent is not None and not node.was("carry"))
+                self._push(Node(node.layer + 1, there, node.spent + CARRY_COST + start - hidden, node))
         for f, spot in enumerate(stand):
             rest = [s for k, s in enumerate(stand) if s is not None and k != f]
             if spot is not None:
                 if len(rest) >= 2 and any(
                     still.forms_pair(a, b) for i, a in enumerate(rest) for b in rest[i + 1 :]
                 ):
-                    self._push(_Node(node.layer, _with(stand, f, None), node.spent + 1.0, node, f))
+                    self._push(Node(node.layer, change_stand(stand, f, None), node.spent + 1.0, node, f))
                 continue
-            spent = node.spent + 1.0 - HIDDEN * (self.is_simultaneous and _was(node, "carry"))
+            spent = node.spent + 1.0 - HIDDEN * (self.is_simultaneous and node.was("carry"))
             for place in self._goals(node.layer, f):
-                self._push(_Node(node.layer, _with(stand, f, place), spent, node, f))
+                self._push(Node(node.layer, change_stand(stand, f, place), spent, node, f))
             # A place between is of use only where it holds with one of the others, so that the third can go.
             promise = np.minimum.reduce([self._layers.promise(node.layer, f, r) for r in rest])
             for place, load in zip(still.landings(f), promise, strict=True):
                 if np.isfinite(load):
-                    child = _Node(node.layer, _with(stand, f, place), spent, node, f)
+                    child = Node(node.layer, change_stand(stand, f, place), spent, node, f)
                     child.drawback = LOAD_COST * float(load)
                     self._push(child)
 
@@ -338,60 +329,3 @@ class AdjustmentSearch:
                 if found is not None:
                     self._early[key].append(still.add(found, last.labels[spot]))
         return self._early[key]
-
-    # -- the answer ------------------------------------------------------------------------------------------------------
-
-    def _moves(self, last: _Node) -> tuple[Move, ...]:
-        way = [last]
-        while way[-1].parent is not None:
-            way.append(way[-1].parent)
-        way.reverse()
-        moves = [] if way[0].head is None else [way[0].head]
-        for before, node in pairwise(way):
-            still = self.layers[node.layer]
-            contacts = still.placements(node.stand)
-            if node.layer != before.layer:
-                motion = self._layers.step(before.layer)
-                moves.append(Move("carry", None, contacts, motion.X_WO_end, node.margins, motion=motion))
-                continue
-            f = node.changed
-            assert f is not None
-            spot = node.stand[f]
-            if spot is None:
-                why = f"the others hold without it{describe_detour(node.way)}"
-                back = node.way.postures[::-1] if node.way else None
-                moves.append(Move("lift", f, contacts, still.X_WO, node.margins, why=why, way=back))
-                continue
-            why = {None: "it stands in for a finger that has to move", 0: "it comes to its goal contact"}.get(
-                still.labels[spot], "it comes near its goal contact, from where it is rolled there"
-            )
-            why += describe_detour(node.way)
-            there = node.way.postures if node.way else None
-            moves.append(Move("place", f, contacts, still.X_WO, node.margins, why=why, way=there))
-        option = self._targets[self.layers[-1].label(last.stand)]
-        if option is not None:
-            after = list(self.layers[-1].placements(last.stand))
-            for roll in option.rolls:
-                after[roll.finger] = self.goal[roll.finger]
-            rolls = tuple(reverse_roll(r) for r in option.rolls)
-            why = "no two of the goal contacts hold alone; they are rolled into"
-            moves.append(Move("roll", None, tuple(after), self.layers[-1].X_WO, option.margins, rolls, why))
-        return tuple(moves)
-
-
-def _was(node: _Node, kind: str) -> bool:
-    """Return whether the move that led to a node was a carry, or a lift."""
-    if node.parent is None:
-        return False
-    if node.parent.layer != node.layer:
-        return kind == "carry"
-    return kind == "lift" and node.changed is not None and node.stand[node.changed] is None
-
-
-def _with(stand: Stand, finger: int, spot: int | None) -> Stand:
-    return (*stand[:finger], spot, *stand[finger + 1 :])
-
-
-def _count_moves(labels: Labels, target: Labels) -> int:
-    """Return how many placements and lifts are missing at least."""
-    return sum((a is not None) + (b is not None) for a, b in zip(labels, target, strict=True) if a != b)

@@ -174,7 +174,7 @@ class Stages:
                 search = AdjustmentSearch(
                     self.hand,
                     self.admissibility,
-                    here,
+                    (here,),
                     goal,
                     before.part(1.0 - rest, 1.0),
                     is_simultaneous,

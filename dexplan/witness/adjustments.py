@@ -1,4 +1,4 @@
-"""Random goal contacts that the planner was not shown before: grasps adjusted and objects taken along, planned and carried out."""
+"""Random goal contacts that the planner was not shown: grasps adjusted and objects taken along, planned and carried out."""
 
 from __future__ import annotations
 
