@@ -16,7 +16,7 @@ from dexplan.sim.trace import Trace
 from dexplan.witness import attitudes
 from dexplan.witness.attitudes import Attempt, Question, attempt, carry_out, draw_questions
 
-COUNT = 40
+COUNT = 30
 SEED = 1
 
 
