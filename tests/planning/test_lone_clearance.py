@@ -39,19 +39,17 @@ def probe(hand: HandModel, finger: int, center: Array, normal: Array, gap: float
     return f"{names} too near" if clearance < hand.limits.clearance else ""
 
 
-@pytest.mark.parametrize("finger", [0, 1])
-def test_directions_of_the_grid_get_the_probe_s_own_answer(barred: HandModel, finger: int) -> None:
-    center, normals = barred.object.X_WO_home[:3, 3], build_icosphere(LEVEL).vertices[::11]
+def test_directions_of_the_grid_get_the_probe_s_own_answer(barred: HandModel) -> None:
+    finger, center, normals = 0, barred.object.X_WO_home[:3, 3], build_icosphere(LEVEL).vertices[::11]
     lone = LoneClearance(barred)
     touch, land = lone.refuse_contact(finger, center, normals), lone.refuse_landing(finger, center, normals)
     exact = [probe(barred, finger, center, n, 0.0) for n in normals]
     over = [probe(barred, finger, center, n, barred.hover) for n in normals]
     assert touch == exact
     assert land == [a or b for a, b in zip(exact, over, strict=True)]
-    if finger == 0:
-        assert any("obstacle_1" in refusal for refusal in touch)
-        # Somewhere a finger may stand but not come from.
-        assert any(b and not a for a, b in zip(touch, land, strict=True))
+    assert any("obstacle_1" in refusal for refusal in touch)
+    # Somewhere a finger may stand but not come from.
+    assert any(b and not a for a, b in zip(touch, land, strict=True))
 
 
 def test_other_directions_get_the_answer_of_the_nearest_of_the_grid(barred: HandModel) -> None:
@@ -65,7 +63,7 @@ def test_other_directions_get_the_answer_of_the_nearest_of_the_grid(barred: Hand
 
 def test_answers_do_not_depend_on_what_was_asked_before(barred: HandModel) -> None:
     """One after the other, backwards, all at once, after other fingers and places: the same."""
-    home, asked = barred.object.X_WO_home[:3, 3], spread_directions(60)
+    home, asked = barred.object.X_WO_home[:3, 3], spread_directions(45)
     other = home + np.array([0.004, -0.003, 0.006])
     at_once = {
         (f, k): LoneClearance(barred).refuse_landing(f, center, asked)

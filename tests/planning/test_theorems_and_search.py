@@ -92,7 +92,7 @@ def draw_pairs(table: ContactTable, count: int, seed: int) -> list[tuple[Held, H
     return pairs
 
 
-@pytest.mark.parametrize(("sliding", "count"), [(0.14, 300), (0.20, 300), (0.55, 100)])
+@pytest.mark.parametrize(("sliding", "count"), [(0.14, 200), (0.20, 200), (0.55, 100)])
 def test_nobody_lands_where_theorem_1_fails(hand: HandModel, sliding: float, count: int) -> None:
     """Of many grasps: the search's own look for places, theorem not asked, finds none where the theorem fails."""
     table = build_table(with_friction(hand, sliding))
@@ -152,9 +152,9 @@ def test_a_start_where_theorem_1_fails_begins_no_gait(hand: HandModel) -> None:
             check_placements(few, plan)
         else:
             assert plan.status == "no_gait"
-        if asked == 6:
+        if asked == 4:
             break
-    assert asked == 6
+    assert asked == 4
 
 
 def beyond(hand: HandModel, start: Start, sense: int) -> RotationGoal:
@@ -170,13 +170,12 @@ def draw_doubles(hand: HandModel, count: int, seed: int) -> list[Start]:
     table = build_table(hand)
     regions, rng = find_regions(hand, table), np.random.default_rng(seed)
     starts: list[Start] = []
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (0, 2, 1)):
-        answer = check_theory_3(regions, i, j, k)
-        assert answer.is_met, answer.reason
-        if i == 0:
-            starts.append(tuple({i: answer.x_O, j: answer.y_O}.get(f) for f in range(3)))
+    answer = check_theory_3(regions, 0, 1, 2)
+    assert answer.is_met, answer.reason
+    starts.append((answer.x_O, answer.y_O, None))
+    assert all(check_theory_3(regions, i, j, 3 - i - j).is_met for i, j in ((0, 2), (1, 2)))
     for _ in range(60):
-        if len(starts) == 2 + count:
+        if len(starts) == 1 + count:
             break
         start = sample_start(hand, rng)
         i, j, k = pair_of(start)
