@@ -51,7 +51,9 @@ class LoneClearance:
         _, nearest = _build_tree().query(normals)
         missing = [v for v in np.unique(nearest).tolist() if (finger, (x, y, z), v) not in self._known]
         if missing:
-            for vertex, refusals in zip(missing, self._look(finger, center, np.array(missing)), strict=True):
+            for vertex, refusals in zip(
+                missing, self._look(finger, np.array([x, y, z]), np.array(missing)), strict=True
+            ):
                 self._known[finger, (x, y, z), vertex] = refusals
         return [self._known[finger, (x, y, z), int(v)] for v in nearest]
 

@@ -301,6 +301,8 @@ class _Planning:
                 search.begin(pair, promise, load)
         elif held := self._find_held(search.tables[0]):
             search.begin(held)
+        if self.costs:
+            search.seek_cheaper(min(self.costs), self.improvement.weights)
         return search
 
     # -- start -----------------------------------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)
 STRIDE = 4
 """A first look at a motion checks every so many stations."""
 GAIN = 0.5
-"""A plan that costs hardly less than the one in hand is not worth looking for."""
+"""A plan that costs less than the one in hand by no more than this share of a placement is not worth looking for."""
 CROWDED, FAILED = 1.0, 0.25
 """What a node's priority loses for every one like it that was opened, or tried in vain, before: else the search would spend its
 nodes on variations of one idea."""
@@ -100,7 +100,9 @@ class GaitSearch:
     def begin(self, held: tuple[Held, ...], promise: int | None = None, load: float = 0.5) -> None:
         """Add a grasp to start from."""
         lasts = min(h.left for h in held) if promise is None else promise
-        self._push(Node(0, 0, held, 0, promise=lasts, load=load))
+        # Rewinds go on with the pair they begin with: an exchange before the first motion would be a substitution.
+        pair = tuple(sorted(h.finger for h in held)) if self._rewinds_only and len(held) == 2 else ()
+        self._push(Node(0, 0, held, 0, pair=pair, promise=lasts, load=load))
 
     def seek_cheaper(self, cost: float, weights: CostWeights) -> None:
         """Go on without what will hardly cost less than ``cost``."""
@@ -264,7 +266,8 @@ class GaitSearch:
         """Return whether a way through ``node`` is no improvement on the plan in hand."""
         if self._dearest == np.inf:
             return False
-        return self._ranking.foresee_cost(node, self._weights) > self._dearest - GAIN
+        gain = GAIN * self._weights.placement
+        return self._ranking.foresee_cost(node, self._weights) > self._dearest - gain
 
     def _refuse(self, refusal: str) -> None:
         text = without_numbers(refusal)
