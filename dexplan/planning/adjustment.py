@@ -21,13 +21,13 @@ from dexplan.planning.stages import REST_ANGLES, GoalContacts, Stages, choose_re
 from dexplan.spatial import Array
 
 KIND = "grasp_adjustment"
-TURNS = 4
+TURNS = 8
 """Turns of the object that are tried before the goal is given up."""
 TURN_BUDGET = 150
 """Nodes that the search may open for each of them, each time."""
-WHOLE_BUDGET = 500
-"""Nodes after which no further turn is tried."""
-ENDS = 4
+WORK = 900
+"""Work, as :class:`Stages` counts it, after which no further turn is tried."""
+EXHAUSTED = 4
 """After so many searches that had nothing left to try no further one is begun."""
 
 
@@ -81,7 +81,7 @@ def plan_grasp_adjustment(
     # All of them with little left to the search, then all with less, then with more.
     ways = [(turn, k) for k in range(len(REST_ANGLES)) for turn in chosen]
     for turn, k in ways:
-        if stages.opened >= WHOLE_BUDGET or stages.exhausted >= ENDS:
+        if stages.work >= WORK or stages.exhausted >= EXHAUSTED:
             break
         motion = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
         rests = choose_rests(motion)[k : k + 1]
@@ -90,7 +90,7 @@ def plan_grasp_adjustment(
         there = motion.X_WO_end
         back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
         gait = RotationGoal.from_attitude(X_WO, there[:3, :3])
-        actions, first, refused = stages.run(motion, back, budget=TURN_BUDGET, rests=rests)
+        actions, first, refused = stages.run(motion, back, budget=TURN_BUDGET, limit=WORK, rests=rests)
         if not refused:
             goal_pose = stay if keep_object else gait
             return stages.build_plan(KIND, goal_pose, actions, first)

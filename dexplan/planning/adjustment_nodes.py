@@ -12,6 +12,8 @@ from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.still import Stand
 from dexplan.planning.travel import Way
 
+HELPERS = 100
+"""Labels from here on are of places where a finger stands only for a while."""
 Labels = tuple[int | None, ...]
 """Per finger what its contact is to the goal, as :meth:`StillContacts.label` says."""
 
@@ -60,11 +62,6 @@ def change_stand(stand: Stand, finger: int, spot: int | None) -> Stand:
     return (*stand[:finger], spot, *stand[finger + 1 :])
 
 
-def count_moves(labels: Labels, target: Labels) -> int:
-    """Return how many placements and lifts are missing at least."""
-    return sum((a is not None) + (b is not None) for a, b in zip(labels, target, strict=True) if a != b)
-
-
 def trace_back(last: Node) -> list[Node]:
     """Return the nodes on the way to ``last``, the first first."""
     way = [last]
@@ -92,10 +89,7 @@ def build_moves(layers: Layers, last: Node, goal: Contacts, option: RollPlan | N
             back = node.way.postures[::-1] if node.way else None
             moves.append(Move("lift", f, contacts, still.X_WO, node.margins, why=why, way=back))
             continue
-        why = {None: "it stands in for a finger that has to move", 0: "it comes to its goal contact"}.get(
-            still.labels[spot], "it comes near its goal contact, from where it is rolled there"
-        )
-        why += describe_detour(node.way)
+        why = f"{_explain_place(still.labels[spot])}{describe_detour(node.way)}"
         there = node.way.postures if node.way else None
         moves.append(Move("place", f, contacts, still.X_WO, node.margins, why=why, way=there))
     if option is not None:
@@ -106,3 +100,13 @@ def build_moves(layers: Layers, last: Node, goal: Contacts, option: RollPlan | N
         why = "no two of the goal contacts hold alone; they are rolled into"
         moves.append(Move("roll", None, tuple(after), poses[-1].X_WO, option.margins, rolls, why))
     return tuple(moves)
+
+
+def _explain_place(label: int | None) -> str:
+    if label is None or label >= HELPERS:
+        return "it stands in for a finger that has to move"
+    return (
+        "it comes near its goal contact, from where it is rolled there"
+        if label
+        else "it comes to its goal contact"
+    )

@@ -7,6 +7,7 @@ early as the goal grasp can carry the object from there (b).
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations
 from typing import Literal
 
@@ -17,13 +18,14 @@ from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.adjustment_search import AdjustmentSearch
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
+from dexplan.planning.ends import Beginning, End, Ends, choose_beginnings
+from dexplan.planning.entrances import GoalSide
 from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.hand import HandModel
-from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions, without_holds
+from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions
 from dexplan.planning.plan import SOLVED, Action, GoalContact, Placement, Plan
 from dexplan.planning.planner import Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan
-from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.planning.still import StillContacts, build_landings
 from dexplan.spatial import Array, build_frame
 
@@ -32,9 +34,11 @@ GoalContacts = tuple[Array | None, ...]
 
 SEARCH_BUDGET = 400
 """Nodes that one search for an adjustment may open."""
-GAIT_BUDGET = 2000
-"""Nodes that the gait before it may open."""
-REST_ANGLES = tuple(np.radians((40.0, 20.0, 80.0)).tolist())
+GAIT_WORK = 6
+"""A node of the gait before it takes so many times as long."""
+ENDS = 4
+"""Ends of gaits from which an adjustment is tried."""
+REST_ANGLES = tuple(np.radians((0.0, 40.0, 80.0)).tolist())
 """So much of the object's turn [rad] is left to that search, in the order in which it is tried: enough for fingers to find room
 on the way, and little enough for the search to stay small."""
 REST_SHIFT = 0.25
@@ -45,7 +49,8 @@ REST_SHIFT = 0.25
 class Stages:
     """What stays the same while ways of reaching goal contacts are tried; counts the work.
 
-    ``opened``: nodes of all searches so far; ``exhausted``: adjustments of the start grasp that had nothing left to try.
+    ``opened``: nodes of all searches so far; ``work``: the same, those of gaits counted as often as they take longer;
+    ``exhausted``: adjustments of the start grasp that had nothing left to try.
     """
 
     hand: HandModel
@@ -55,9 +60,12 @@ class Stages:
     node_budget: int
     primitives: tuple[Literal["substitution", "rewind"], ...]
     opened: int = 0
+    work: int = 0
     exhausted: int = 0
     hold: Plan = field(init=False)
     _known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
+    _sides: dict[bytes, GoalSide] = field(default_factory=dict)
+    _gaits: dict[bytes, Ends] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.admissibility = Admissibility(self.hand)
@@ -146,13 +154,14 @@ class Stages:
         is_attitude: bool = True,
         is_simultaneous: bool = False,
         budget: int = SEARCH_BUDGET,
+        limit: float = np.inf,
         rests: tuple[float, ...] | None = None,
     ) -> tuple[tuple[Action, ...], Contacts, str]:
         """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
         ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
-        ``budget`` bounds the nodes of every search; ``rests`` are the shares of ``before`` that are left to it, by default those
-        of :func:`choose_rests`.
+        ``budget`` bounds the nodes of every search, ``limit`` the work done before one is begun; ``rests`` are the shares of
+        ``before`` that are left to it, by default those of :func:`choose_rests`.
         Returns the actions (none where it fails), the start contacts, and why it fails.
         """
         X_WO = after.X_WO_start
@@ -166,47 +175,97 @@ class Stages:
             _, refusal = plan_coordinated(self.hand, self.admissibility, goal, after, "")
             if refusal:
                 return (), (), f"the goal grasp cannot carry the object to the goal: {refusal}"
+        side = self._approach(X_WO, goal)
+        if side.refusal and not before.is_still:
+            return (), (), f"there is no way into the goal grasp where it would be made: {side.refusal}"
         why = ""
         for rest in choose_rests(before) if rests is None else rests:
-            first, start, refused = self._gait(before, rest, is_attitude)
+            if self.work >= limit:
+                break
+            actions, start, refused = self._adjust(
+                side, before, rest, after, is_attitude, is_simultaneous, budget
+            )
             if not refused:
-                here = follow_actions(self.hand, start, first)
-                search = AdjustmentSearch(
-                    self.hand,
-                    self.admissibility,
-                    (here,),
-                    goal,
-                    before.part(1.0 - rest, 1.0),
-                    is_simultaneous,
-                    known_rolls=self._known_rolls,
-                )
-                found = search.run(min(budget, self.node_budget))
-                self.opened += found.opened
-                self.exhausted += found.is_exhausted and not first
-                if found.moves is None:
-                    refused = f"no way from the grasp there to the goal grasp: {found.reason}"
-                else:
-                    moves = build_move_actions(found.moves, here, after.axis_W)
-                    last, refused = self._finish(follow_actions(self.hand, here, moves), after)
-                    if not refused:
-                        return (*first, *moves, *last), start, ""
+                return actions, start, ""
             why = why or refused
         return (), (), why
 
-    def _gait(
-        self, motion: ObjectMotion, rest: float, is_attitude: bool
+    def _adjust(
+        self,
+        side: GoalSide,
+        before: ObjectMotion,
+        rest: float,
+        after: ObjectMotion,
+        is_attitude: bool,
+        is_simultaneous: bool,
+        budget: int,
     ) -> tuple[tuple[Action, ...], Contacts, str]:
-        """Return the gait that takes the object through all of ``motion`` but its last share ``rest``."""
-        if motion.is_still or rest == 1.0:
-            return (), self.hold.start_contacts, ""
+        """Plan one way as in :meth:`run`, the last share ``rest`` of ``before`` left to the search that adjusts the grasp.
+
+        A gait's first end is tried alone; further ends are asked for while the search does not come to the goal grasp.
+        """
+        search = AdjustmentSearch.along(
+            before.part(1.0 - rest, 1.0), side, self._known_rolls, is_simultaneous
+        )
+        ends, begun, refused = self._gait(before, rest, is_attitude), list[End](), ""
+        while True:
+            end = self._ask(ends, len(begun)) if len(begun) < ENDS else None
+            found = None
+            if end is not None:
+                begun.append(end)
+                found = search.begin(end.contacts)
+            elif not begun:
+                return (), (), ends.why
+            if found is None:
+                found = search.run(budget if end is None else search.opened + budget // ENDS)
+            self._count(found.opened)
+            if found.moves is not None:
+                end = begun[search.chosen]
+                moves = build_move_actions(found.moves, end.contacts, after.axis_W)
+                last, refused = self._finish(follow_actions(self.hand, end.contacts, moves), after)
+                return ((), (), refused) if refused else ((*end.actions, *moves, *last), end.start, "")
+            refused = f"no way from the grasp there to the goal grasp: {found.reason}"
+            if end is None:
+                self.exhausted += found.is_exhausted and not begun[0].actions
+                return (), (), refused
+
+    def _ask(self, ends: Ends, number: int) -> End | None:
+        """Return an end by its number, None where there is none; counts the work."""
+        before = ends.opened
+        end = ends.get(number)
+        self._count(ends.opened - before, GAIT_WORK)
+        return end
+
+    def _count(self, nodes: int, work: int = 1) -> None:
+        self.opened += nodes
+        self.work += work * nodes
+
+    def _approach(self, X_WO: Array, goal: Contacts) -> GoalSide:
+        """Return the ways into the goal contacts with the object at ``X_WO`` (4, 4)."""
+        key = b"".join(np.round(m, 9).tobytes() for m in (X_WO, *(c.X_OF for c in goal if c is not None)))
+        if key not in self._sides:
+            self._sides[key] = GoalSide(self.hand, self.admissibility, X_WO, goal)
+            self._count(self._sides[key].opened)
+        return self._sides[key]
+
+    def _gait(self, motion: ObjectMotion, rest: float, is_attitude: bool) -> Ends:
+        """Return the ends of gaits that take the object through all of ``motion`` but its last share ``rest``."""
+        contacts = self.hold.start_contacts
         part = motion.part(0.0, 1.0 - rest)
-        goal = RotationGoal(self.X_WO, part.axis_W, part.angle, part.shift_W, is_attitude)
-        nodes = min(GAIT_BUDGET, self.node_budget)
-        moved = plan_object_manipulation(self.hand, goal, self.start, nodes, self.primitives)
-        self.opened += int(moved.statistics.get("nodes", 0))
-        if not moved.is_solved:
-            return (), (), f"the object cannot be brought there ({moved.status}: {moved.reason})"
-        return without_holds(moved.actions), moved.start_contacts, ""
+        key = np.round([*part.axis_W, part.angle, *part.shift_W, is_attitude], 9).tobytes()
+        if key not in self._gaits:
+            goal = RotationGoal(self.X_WO, part.axis_W, part.angle, part.shift_W, is_attitude)
+            self._gaits[key] = Ends(
+                self.hand, goal, self.beginnings, contacts, self.node_budget, self.primitives
+            )
+            if part.is_still:
+                self._gaits[key].settle(End((), contacts, contacts))
+        return self._gaits[key]
+
+    @cached_property
+    def beginnings(self) -> tuple[Beginning, ...]:
+        """How gaits may begin."""
+        return choose_beginnings(self.hand, self.hold, self.start, self.admissibility)
 
     def _finish(self, contacts: Contacts, after: ObjectMotion) -> tuple[tuple[Action, ...], str]:
         """Return the coordinated manipulation with the goal grasp as it was really made, or why it is not possible."""

@@ -187,6 +187,13 @@ class StillContacts:
         normals.update({f: self._normals[s] for f, s in enumerate(stand) if s is not None})
         return keeps_order(self.hand, normals)
 
+    def find_change(self, before: Stand, after: Stand) -> Way:
+        """Return the way of the one finger by which two stands differ; it touches in one of them only."""
+        finger = next(f for f, (a, b) in enumerate(zip(before, after, strict=True)) if a != b)
+        spot = before[finger] if after[finger] is None else after[finger]
+        assert spot is not None
+        return self.find_way((*before[:finger], None, *before[finger + 1 :]), spot)
+
     def find_way(self, stand: Stand, spot: int) -> Way:
         """Return how a free finger of ``stand`` goes between home and ``spot``, around what is in the arc's way.
 
