@@ -6,14 +6,16 @@ them to the workspaces.  Then use finger gaiting and rolling to reach the goal g
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import islice
 from typing import Literal
 
 import numpy as np
 
-from dexplan.planning.coordinated import ObjectMotion
+from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
 from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.hand import HandModel
+from dexplan.planning.joining import Contacts
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import Start
 from dexplan.planning.reorient import Turns
@@ -77,9 +79,11 @@ def plan_grasp_adjustment(
             f"{suggest_cure(refusal)}, or set goal.keep_object = false",
         )
     turns = Turns(stages)
-    chosen = list(islice(turns.choose(), TURNS))
-    # All of them with little left to the search, then all with less, then with more.
+    may_end = partial(_can_return, stages) if keep_object else None
+    chosen = list(islice(turns.choose(may_end), TURNS))
+    # All of them with nothing left to the search, for it is quick, then all with some of the turn, then with more.
     ways = [(turn, k) for k in range(len(REST_ANGLES)) for turn in chosen]
+    tried = set[int]()
     for turn, k in ways:
         if stages.work >= WORK or stages.exhausted >= EXHAUSTED:
             break
@@ -87,6 +91,7 @@ def plan_grasp_adjustment(
         rests = choose_rests(motion)[k : k + 1]
         if not rests:
             continue
+        tried.add(id(turn))
         there = motion.X_WO_end
         back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
         gait = RotationGoal.from_attitude(X_WO, there[:3, :3])
@@ -95,14 +100,21 @@ def plan_grasp_adjustment(
             goal_pose = stay if keep_object else gait
             return stages.build_plan(KIND, goal_pose, actions, first)
         why = why or refused
-    if chosen:
+    if keep_object and not chosen:
         return stages.refuse(
             KIND,
             stay,
             "no_adjustment",
-            stages.explain_end(
-                f"{why} ({len(chosen)} attitudes were tried in which the goal contacts lie within reach)"
-            ),
+            f"{stages.explain_end(why)}, or set goal.keep_object = false: there is no other attitude in which the goal contacts "
+            "lie within reach and from which they carry the object back",
+        )
+    if chosen:
+        last = ", or set goal.keep_object = false" if keep_object else ""
+        return stages.refuse(
+            KIND,
+            stay,
+            "no_adjustment",
+            stages.explain_end(f"{why} ({_describe_tried(len(tried), len(chosen))})") + last,
         )
     if turns.fault:
         return stages.refuse(
@@ -122,3 +134,17 @@ def plan_grasp_adjustment(
         else "every finger reaches its goal contact in some attitude of the object, but in none do all of them at once; keep the "
         "fingers' clockwise order and the angles between them, and move the contacts towards where the fingers stand",
     )
+
+
+def _can_return(stages: Stages, X_WO: Array, contacts: Contacts) -> bool:
+    """Return whether the goal contacts can carry the object from ``X_WO`` (4, 4) back to where it starts."""
+    turn = RotationGoal.from_attitude(X_WO, stages.X_WO[:3, :3])
+    back = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
+    held = tuple(None if c is None else center_spin(stages.hand, c, back) for c in contacts)
+    return not plan_coordinated(stages.hand, stages.admissibility, held, back, "")[1]
+
+
+def _describe_tried(tried: int, chosen: int) -> str:
+    """Return in how many attitudes the grasp was to be adjusted, in words."""
+    which = "the one attitude" if chosen == 1 else f"{tried} attitudes"
+    return f"tried in {which} in which the goal contacts lie within reach"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from dexplan.planning.coordinated import ObjectMotion
+from dexplan.planning.joining import Contacts
 from dexplan.planning.stages import Stages
 from dexplan.planning.still import build_landings
 from dexplan.scene.workspace import spread_directions
@@ -17,8 +18,8 @@ AXES = 96
 """Axes about which turns are tried."""
 TURN_STEP = float(np.radians(10.0))
 """Angles between the turns that are tried [rad]."""
-APART = float(np.radians(25.0))
-"""Turns nearer than this to one that was proposed already are left out [rad]."""
+APART = tuple(np.radians((25.0, 12.0)).tolist())
+"""Turns nearer than this to one that was proposed already are left out, at first and then [rad]."""
 WAY_WEIGHT = 0.15
 """How much a turn's own angle counts beside the angle between a contact and where its finger is at home."""
 REFUSALS = 60
@@ -64,23 +65,30 @@ class Turns:
                     names.append(stages.hand.fingers[finger].name)
         return " and ".join(names)
 
-    def choose(self) -> Iterator[Turn]:
-        """Yield turns after which the goal grasp can be held, the best first, and no two that are nearly the same."""
-        stages, chosen, refused = self.stages, list[Array](), 0
-        for turn in self.reachable:
-            R = rotate_about(turn.axis_W, turn.angle)
-            if any(_measure_between(R, other) < APART for other in chosen):
-                continue
-            X_WO = ObjectMotion(stages.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
-            contacts, _ = stages.land_goal(X_WO)
-            if refusal := stages.refuse_goal(X_WO, contacts):
-                self.fault = self.fault or refusal
-                refused += 1
-                if refused == REFUSALS:
-                    return
-                continue
-            chosen.append(R)
-            yield turn
+    def choose(self, may_end: Callable[[Array, Contacts], bool] | None = None) -> Iterator[Turn]:
+        """Yield turns after which the goal grasp can be held, the best first; first such that differ much, then others.
+
+        ``may_end`` says whether a pose (4, 4) with the goal contacts there is one that is asked for; all are where it is None.
+        """
+        stages, chosen, refused, asked = self.stages, list[Array](), 0, set[int]()
+        for apart in APART:
+            for k, turn in enumerate(self.reachable):
+                R = rotate_about(turn.axis_W, turn.angle)
+                if k in asked or any(_measure_between(R, other) < apart for other in chosen):
+                    continue
+                asked.add(k)
+                X_WO = ObjectMotion(stages.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
+                contacts, _ = stages.land_goal(X_WO)
+                if refusal := stages.refuse_goal(X_WO, contacts):
+                    self.fault = self.fault or refusal
+                    refused += 1
+                    if refused == REFUSALS:
+                        return
+                    continue
+                if may_end is not None and not may_end(X_WO, contacts):
+                    continue
+                chosen.append(R)
+                yield turn
 
 
 def _find_reachable(stages: Stages, goal: tuple[Array | None, ...] | None = None) -> Iterator[Turn]:

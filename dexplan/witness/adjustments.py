@@ -21,8 +21,8 @@ from dexplan.problems.problem import GoalSection, Problem, compute_contact_direc
 from dexplan.sim.validate import ValidationReport
 from dexplan.spatial import Array, as_pose7, build_frame
 
-Task = Literal["grasp_adjustment", "object_first", "grasp_first", "simultaneous"]
-"""A grasp adjustment, or a dextrous manipulation in one of its orders."""
+Task = Literal["grasp_adjustment", "keep_object", "object_first", "grasp_first", "simultaneous"]
+"""A grasp adjustment, one after which the object is where it was, or a dextrous manipulation in one of its orders."""
 TASKS: tuple[Task, ...] = get_args(Task)
 
 AWAY = float(np.radians(40.0))
@@ -41,7 +41,8 @@ UNFAIR = ("goal_contacts_unreachable", "goal_grasp_inadmissible", "goal_not_allo
 class Question:
     """Bring the fingers to goal contacts, given as outward normals (3,) in object axes, with the object at ``R_WO`` (3, 3).
 
-    In an adjustment nobody is told about ``R_WO``: it is an attitude at which every finger reaches its contact.
+    In an adjustment nobody is told about ``R_WO``: it is an attitude at which every finger reaches its contact; where the object
+    is kept it is that of its start.
     """
 
     number: int
@@ -52,8 +53,10 @@ class Question:
     def as_problem(self, task: Task) -> Problem:
         """Return the question as a problem."""
         contacts = tuple(as_azimuth_elevation(n) for n in self.contacts)
-        if task == "grasp_adjustment":
-            goal = GoalSection(kind="grasp_adjustment", contacts_deg=contacts)
+        if task == "grasp_adjustment" or task == "keep_object":
+            goal = GoalSection(
+                kind="grasp_adjustment", contacts_deg=contacts, keep_object=task == "keep_object"
+            )
         else:
             X_WO = np.eye(4)
             X_WO[:3, :3] = self.R_WO
@@ -81,12 +84,12 @@ class Attempt:
         return self.plan.status not in UNFAIR
 
 
-def draw_questions(problem: Problem, count: int, seed: int = 0) -> Iterator[Question]:
+def draw_questions(problem: Problem, count: int, seed: int = 0, is_kept: bool = False) -> Iterator[Question]:
     """Yield ``count`` questions with the start of ``problem``, its tips' radii in another order from one to the next.
 
     Each has a seed of its own, ``seed`` and on.  An attitude is drawn, and for every finger a place that it can reach with the
     object there; kept are places that are force closed, whose tips do not overlap, and that are far from where they start.
-    Loads, clearances, the fingers' order and the way there are not looked at.
+    Loads, clearances, the fingers' order and the way there are not looked at.  ``is_kept``: the attitude is that of the start.
     """
     hands: dict[tuple[float, ...], HandModel] = {}
     for number in range(seed, seed + count):
@@ -95,7 +98,7 @@ def draw_questions(problem: Problem, count: int, seed: int = 0) -> Iterator[Ques
         posed = replace(problem, hand=replace(problem.hand, tip_radii_m=radii))
         if radii not in hands:
             hands[radii] = pipeline.build_hand(posed, pipeline.build_scene(posed))
-        yield _draw(posed, hands[radii], number, rng)
+        yield _draw(posed, hands[radii], number, rng, is_kept)
 
 
 def attempt(question: Question, task: Task) -> Attempt:
@@ -117,13 +120,15 @@ def as_azimuth_elevation(normal: Array) -> tuple[float, float]:
     return float(np.degrees(np.arctan2(y, x))), float(np.degrees(np.arcsin(np.clip(z, -1.0, 1.0))))
 
 
-def _draw(problem: Problem, hand: HandModel, number: int, rng: np.random.Generator) -> Question:
+def _draw(
+    problem: Problem, hand: HandModel, number: int, rng: np.random.Generator, is_kept: bool
+) -> Question:
     assert not isinstance(problem.start.contacts_deg, str)
     start = compute_contact_directions(problem.start.contacts_deg)
     X_WO, home, fingers = hand.object.X_WO_home.copy(), hand.object.X_WO_home, range(len(hand.fingers))
     for _ in range(TRIES):
-        R = sample_attitude(rng)
-        if np.trace(R.T @ home[:3, :3]) > 1.0 + 2.0 * np.cos(TURN):
+        R = home[:3, :3] if is_kept else sample_attitude(rng)
+        if not is_kept and np.trace(R.T @ home[:3, :3]) > 1.0 + 2.0 * np.cos(TURN):
             continue
         X_WO[:3, :3] = R
         reach = [_reach(hand, X_WO, f, rng, start[f]) for f in fingers]
