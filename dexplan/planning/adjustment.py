@@ -14,23 +14,20 @@ import numpy as np
 
 from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
 from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import Start
 from dexplan.planning.reorient import Turns
-from dexplan.planning.stages import REST_ANGLES, GoalContacts, Stages, choose_rests, rest_at, suggest_cure
+from dexplan.planning.stages import Stages, rest_at
 from dexplan.spatial import Array
 
 KIND = "grasp_adjustment"
 TURNS = 8
 """Turns of the object that are tried before the goal is given up."""
-TURN_BUDGET = 150
-"""Nodes that the search may open for each of them, each time."""
-WORK = 900
+WORK = 600
 """Work, as :class:`Stages` counts it, after which no further turn is tried."""
-EXHAUSTED = 4
-"""After so many searches that had nothing left to try no further one is begun."""
 
 
 def plan_grasp_adjustment(
@@ -52,7 +49,7 @@ def plan_grasp_adjustment(
     stay = RotationGoal(X_WO, VERTICAL, 0.0)
     if stages.start_refusal:
         return stages.refuse(KIND, stay, stages.hold.status, stages.hold.reason)
-    status, reason = stages.refuse_goal_anywhere()
+    status, reason = refuse_goal_contacts(hand, goal)
     if status:
         return stages.refuse(KIND, stay, status, reason)
     contacts, missing = stages.land_goal(X_WO)
@@ -81,25 +78,18 @@ def plan_grasp_adjustment(
     turns = Turns(stages)
     may_end = partial(_can_return, stages) if keep_object else None
     chosen = list(islice(turns.choose(may_end), TURNS))
-    # All of them with nothing left to the search, for it is quick, then all with some of the turn, then with more.
-    ways = [(turn, k) for k in range(len(REST_ANGLES)) for turn in chosen]
-    tried = set[int]()
-    for turn, k in ways:
-        if stages.work >= WORK or stages.exhausted >= EXHAUSTED:
-            break
+    ways = []
+    for turn in chosen:
         motion = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
-        rests = choose_rests(motion)[k : k + 1]
-        if not rests:
-            continue
-        tried.add(id(turn))
         there = motion.X_WO_end
         back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
-        gait = RotationGoal.from_attitude(X_WO, there[:3, :3])
-        actions, first, refused = stages.run(motion, back, budget=TURN_BUDGET, limit=WORK, rests=rests)
-        if not refused:
-            goal_pose = stay if keep_object else gait
-            return stages.build_plan(KIND, goal_pose, actions, first)
-        why = why or refused
+        ways.append((motion, back))
+    done = stages.run_all(ways, WORK, is_attitude=True, is_simultaneous=False)
+    if done.number is not None:
+        there = ways[done.number][0].X_WO_end
+        goal_pose = stay if keep_object else RotationGoal.from_attitude(X_WO, there[:3, :3])
+        return stages.build_plan(KIND, goal_pose, done.actions, done.start)
+    why = why or done.why
     if keep_object and not chosen:
         return stages.refuse(
             KIND,
@@ -114,7 +104,7 @@ def plan_grasp_adjustment(
             KIND,
             stay,
             "no_adjustment",
-            stages.explain_end(f"{why} ({_describe_tried(len(tried), len(chosen))})") + last,
+            stages.explain_end(f"{why} ({_describe_tried(done.tried, len(chosen))})") + last,
         )
     if turns.fault:
         return stages.refuse(

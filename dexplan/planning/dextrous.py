@@ -14,11 +14,12 @@ import numpy as np
 
 from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.goal import RotationGoal
+from dexplan.planning.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.hand import HandModel
 from dexplan.planning.overlap import overlap_travel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import Start
-from dexplan.planning.stages import GoalContacts, Stages, suggest_cure
+from dexplan.planning.stages import Stages
 from dexplan.scene.workspace import spread_directions
 
 KIND = "dextrous_manipulation"
@@ -28,8 +29,8 @@ SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 
 DETOURS, AXES, MOST = (float(np.radians(15.0)), float(np.radians(30.0))), 12, 6
 """Turns [rad] about so many axes that lead to the goal from beside the straight way there; at most so many are tried."""
-WHOLE_BUDGET = 900
-"""Nodes after which no further way is tried in one order."""
+WORK = 600
+"""Work, as :class:`Stages` counts it, after which no further way is tried in one order."""
 OVERLAP = 0.3
 """Share of the relocations that should overlap a motion of the object in the order "simultaneous"."""
 
@@ -53,7 +54,7 @@ def plan_dextrous_manipulation(
     stages = Stages(hand, goal.X_WO_start, start, contacts, node_budget, primitives)
     if stages.start_refusal:
         return stages.refuse(KIND, goal, stages.hold.status, stages.hold.reason)
-    status, reason = stages.refuse_goal_anywhere()
+    status, reason = refuse_goal_contacts(hand, contacts)
     if status:
         return stages.refuse(KIND, goal, status, reason)
     landed, missing = stages.land_goal(goal.X_WO_goal)
@@ -79,25 +80,22 @@ def plan_dextrous_manipulation(
 
 
 def _plan_in_order(
-    stages: Stages, goal: RotationGoal, shares: tuple[float, ...], is_simultaneous: bool = False
+    stages: Stages,
+    goal: RotationGoal,
+    shares: tuple[float, ...],
+    work: int = WORK,
+    is_simultaneous: bool = False,
 ) -> Plan:
     """Return the plan that adjusts the grasp after the first of ``shares`` of the object's way at which that works."""
     whole = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
     ways = [(whole.part(0.0, share), whole.part(share, 1.0)) for share in shares]
     if len(shares) > 1 and goal.is_attitude:
         ways += _choose_detours(stages, goal)
-    why, begun = "", stages.opened
-    for before, after in ways:
-        if stages.opened - begun >= WHOLE_BUDGET:
-            break
-        actions, first, refused = stages.run(
-            before, after, is_attitude=goal.is_attitude, is_simultaneous=is_simultaneous
-        )
-        if not refused:
-            return stages.build_plan(KIND, goal, actions, first)
-        why = why or refused
+    done = stages.run_all(ways, work, goal.is_attitude, is_simultaneous)
+    if done.number is not None:
+        return stages.build_plan(KIND, goal, done.actions, done.start)
     return stages.refuse(
-        KIND, goal, "no_dextrous_plan", f"{stages.explain_end(why)}, or try another goal.order"
+        KIND, goal, "no_dextrous_plan", f"{stages.explain_end(done.why)}, or try another goal.order"
     )
 
 
@@ -123,7 +121,7 @@ def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Cal
     Asked are a search that takes goal contacts on the way, and both other orders; all with their travel handed over.  Plans in
     which enough relocations overlap come first.
     """
-    plans = [_plan_in_order(stages, goal, (1.0,), is_simultaneous=True)]
+    plans = [_plan_in_order(stages, goal, (1.0,), WORK // 3, is_simultaneous=True)]
     plans += [_plan_in_order(stages, goal, shares) for shares in ((1.0,), SHARES)]
     solved = [overlap_travel(stages.hand, plan) for plan in plans if plan.is_solved]
     if not solved:

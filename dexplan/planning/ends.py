@@ -23,7 +23,7 @@ from dexplan.planning.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.still import StillContacts
 
 BUDGETS = (20, 80, 400)
-"""Nodes that the gaits from one beginning may open, first from all of them; so many as the last only where there was no end."""
+"""Nodes that the gaits from one beginning may open: so many from all of them, and more where that leads nowhere."""
 MOST = 12
 """Gaits from one beginning that are looked at."""
 APART = float(np.radians(15.0))
@@ -87,13 +87,15 @@ class Ends:
 
     def __post_init__(self) -> None:
         self._more: Iterator[End] = self._find()
+        self._until = 0
 
     def settle(self, end: End) -> None:
         """Take the only end there is: nothing has to move."""
         self.found, self._more = [end], iter(())
 
-    def get(self, number: int) -> End | None:
-        """Return an end by its number; None where there are not so many."""
+    def get(self, number: int, most: int) -> End | None:
+        """Return an end by its number, opening up to about ``most`` more nodes; None where there are not so many."""
+        self._until = self.opened + most
         while len(self.found) <= number:
             end = next(self._more, None)
             if end is None:
@@ -102,12 +104,14 @@ class Ends:
         return self.found[number]
 
     def _find(self) -> Iterator[End]:
-        for nodes in (min(nodes, self.node_budget) for nodes in BUDGETS):
-            if self.found and nodes == min(BUDGETS[-1], self.node_budget):
+        for budget in BUDGETS:
+            if self.found:
                 return
             for beginning in self.beginnings:
+                before, nodes = self.opened, min(budget, self.node_budget, self._until - self.opened)
+                if nodes <= 0:
+                    return
                 plans = plan_rotations(self.hand, self.goal, beginning.start, nodes, self.primitives)
-                before = self.opened
                 for plan in islice(plans, MOST):
                     self.opened = before + int(plan.statistics.get("nodes", 0))
                     if not plan.is_solved:

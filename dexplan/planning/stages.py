@@ -8,34 +8,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
-from dexplan.grasp.closure import check_force_closure
-from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.adjustment_search import AdjustmentSearch
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
 from dexplan.planning.ends import Beginning, End, Ends, choose_beginnings
 from dexplan.planning.entrances import GoalSide
 from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.goal_refusals import GoalContacts, suggest_cure
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions
 from dexplan.planning.plan import SOLVED, Action, GoalContact, Placement, Plan
 from dexplan.planning.planner import Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.still import StillContacts, build_landings
-from dexplan.spatial import Array, build_frame
-
-GoalContacts = tuple[Array | None, ...]
-"""Per finger the outward normal (3,) of its goal contact in object axes, None where it has to be free."""
+from dexplan.spatial import Array
 
 SEARCH_BUDGET = 400
 """Nodes that one search for an adjustment may open."""
 GAIT_WORK = 6
 """A node of the gait before it takes so many times as long."""
+PASSES = ((0, 1), (1, 1), (0, 2), (0, 4), (1, 2), (2, 2))
+"""What is tried with every way in turn: which of the ``REST_ANGLES``, and from how many ends of gaits."""
+NO_MORE = "the search was given up before it"
+MOST_WORK = 3000
+"""Work that looking for one more end may take."""
 ENDS = 4
 """Ends of gaits from which an adjustment is tried."""
 REST_ANGLES = tuple(np.radians((0.0, 40.0, 80.0)).tolist())
@@ -43,6 +43,31 @@ REST_ANGLES = tuple(np.radians((0.0, 40.0, 80.0)).tolist())
 on the way, and little enough for the search to stay small."""
 REST_SHIFT = 0.25
 """So much of a shift [m] counts as a turn by one radian there."""
+
+
+@dataclass(eq=False)
+class _Attempt:
+    """One way on which the grasp is adjusted: its search, the ends of gaits, and those from which it has begun."""
+
+    search: AdjustmentSearch
+    ends: Ends
+    begun: list[End] = field(default_factory=list)
+    refused: str = ""
+    is_over: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """The actions and start contacts of the way by its ``number``; none, and ``why``, where none led to the goal.
+
+    ``tried`` counts the ways that were begun.
+    """
+
+    actions: tuple[Action, ...]
+    start: Contacts
+    why: str
+    number: int | None
+    tried: int
 
 
 @dataclass(eq=False)
@@ -66,6 +91,7 @@ class Stages:
     _known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
     _sides: dict[bytes, GoalSide] = field(default_factory=dict)
     _gaits: dict[bytes, Ends] = field(default_factory=dict)
+    _attempts: dict[bytes, _Attempt] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.admissibility = Admissibility(self.hand)
@@ -98,37 +124,6 @@ class Stages:
         closest = self.hand.object.surface.closest
         return tuple(None if n is None else GoalContact(f, closest(n), n) for f, n in enumerate(self.goal))
 
-    def refuse_goal_anywhere(self) -> tuple[str, str]:
-        """Return the status and the reason that refuse the goal contacts wherever the object is; "" and "" where nothing does.
-
-        These are questions of the object and the fingertips alone: where contacts are allowed, whether tips overlap, and force
-        closure with the believed friction.
-        """
-        surface, names = self.hand.object.surface, [f.name for f in self.hand.fingers]
-        wanted = [(f, n) for f, n in enumerate(self.goal) if n is not None]
-        for f, n in wanted:
-            if not self.hand.object.allows(n[None])[0]:
-                return "goal_not_allowed", (
-                    f"the goal contact of {names[f]} lies outside object.allowed_regions; move it inside, or widen a region"
-                )
-        for (f, n), (g, m) in combinations(wanted, 2):
-            tips = [self.hand.fingers[k].tip_radius for k in (f, g)]
-            between = np.linalg.norm(surface.closest(n) + tips[0] * n - surface.closest(m) - tips[1] * m)
-            if (gap := between - sum(tips)) < self.hand.limits.clearance:
-                return "goal_grasp_inadmissible", (
-                    f"the tips of {names[f]} and {names[g]} would come within {1e3 * gap:.1f} mm at their goal contacts, and "
-                    f"{1e3 * self.hand.limits.clearance:.1f} mm have to be left; move the two contacts apart"
-                )
-        grasp = Grasp(
-            tuple(Contact(f, surface.closest(n), build_frame(-n), self.hand.friction) for f, n in wanted)
-        )
-        if not check_force_closure(grasp).is_closed:
-            return "goal_grasp_inadmissible", (
-                "the goal contacts are not force closed with the believed friction; move two of them nearer to opposite, raise "
-                "the friction, or lower friction.safety"
-            )
-        return "", ""
-
     def refuse_goal(self, X_WO: Array, contacts: Contacts) -> str:
         """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); "" where it can."""
         still = StillContacts(self.hand, X_WO, self.admissibility)
@@ -156,12 +151,14 @@ class Stages:
         budget: int = SEARCH_BUDGET,
         limit: float = np.inf,
         rests: tuple[float, ...] | None = None,
+        ends: int = ENDS,
     ) -> tuple[tuple[Action, ...], Contacts, str]:
         """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
         ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
         ``budget`` bounds the nodes of every search, ``limit`` the work done before one is begun; ``rests`` are the shares of
-        ``before`` that are left to it, by default those of :func:`choose_rests`.
+        ``before`` that are left to it, by default those of :func:`choose_rests`; ``ends``: from so many ends of gaits it is
+        tried.  Asked again for the same way with more of them, it goes on where it stopped.
         Returns the actions (none where it fails), the start contacts, and why it fails.
         """
         X_WO = after.X_WO_start
@@ -183,12 +180,44 @@ class Stages:
             if self.work >= limit:
                 break
             actions, start, refused = self._adjust(
-                side, before, rest, after, is_attitude, is_simultaneous, budget
+                side, before, rest, after, is_attitude, is_simultaneous, budget, limit, ends
             )
             if not refused:
                 return actions, start, ""
             why = why or refused
-        return (), (), why
+        return (), (), why or NO_MORE
+
+    def run_all(
+        self,
+        ways: list[tuple[ObjectMotion, ObjectMotion]],
+        work: int,
+        is_attitude: bool,
+        is_simultaneous: bool,
+    ) -> Outcome:
+        """Plan the first of ``ways``, each as for :meth:`run`, that comes to the goal: little is tried with all, then more.
+
+        No way is begun after so much ``work``.
+        """
+        why, tried, limit = "", set[int](), self.work + work
+        for k, ends in PASSES[1:] if is_simultaneous else PASSES:
+            for number, (before, after) in enumerate(ways):
+                rests = choose_rests(before)[k : k + 1]
+                if self.work >= limit or not rests:
+                    continue
+                tried.add(number)
+                actions, first, refused = self.run(
+                    before,
+                    after,
+                    is_attitude=is_attitude,
+                    is_simultaneous=is_simultaneous,
+                    limit=limit,
+                    rests=rests,
+                    ends=ends,
+                )
+                if not refused:
+                    return Outcome(actions, first, "", number, len(tried))
+                why = min((why, refused) if why else (refused,), key=_rank_refusal)
+        return Outcome((), (), why or NO_MORE, None, len(tried))
 
     def _adjust(
         self,
@@ -199,24 +228,32 @@ class Stages:
         is_attitude: bool,
         is_simultaneous: bool,
         budget: int,
+        limit: float,
+        ends: int,
     ) -> tuple[tuple[Action, ...], Contacts, str]:
         """Plan one way as in :meth:`run`, the last share ``rest`` of ``before`` left to the search that adjusts the grasp.
 
         A gait's first end is tried alone; further ends are asked for while the search does not come to the goal grasp.
         """
-        search = AdjustmentSearch.along(
-            before.part(1.0 - rest, 1.0), side, self._known_rolls, is_simultaneous
-        )
-        ends, begun, refused = self._gait(before, rest, is_attitude), list[End](), ""
-        while True:
-            end = self._ask(ends, len(begun)) if len(begun) < ENDS else None
+        key = b"".join([side.X_WO.tobytes(), np.round([rest, is_attitude, is_simultaneous], 9).tobytes()])
+        key += b"".join(c.X_OF.tobytes() for c in side.goal if c is not None) + before.axis_W.tobytes()
+        if key not in self._attempts:
+            motion = before.part(1.0 - rest, 1.0)
+            search = AdjustmentSearch.along(motion, side, self._known_rolls, is_simultaneous)
+            self._attempts[key] = _Attempt(search, self._gait(before, rest, is_attitude))
+        attempt = self._attempts[key]
+        search, begun = attempt.search, attempt.begun
+        while len(begun) < ends and not attempt.is_over and self.work < limit:
+            end = self._ask(attempt.ends, len(begun), limit)
             found = None
             if end is not None:
                 begun.append(end)
                 found = search.begin(end.contacts)
             elif not begun:
-                return (), (), ends.why
+                attempt.is_over, attempt.refused = True, attempt.ends.why
+                break
             if found is None:
+                # What the ends that there are not leave is for those that there are.
                 found = search.run(budget if end is None else search.opened + budget // ENDS)
             self._count(found.opened)
             if found.moves is not None:
@@ -224,15 +261,15 @@ class Stages:
                 moves = build_move_actions(found.moves, end.contacts, after.axis_W)
                 last, refused = self._finish(follow_actions(self.hand, end.contacts, moves), after)
                 return ((), (), refused) if refused else ((*end.actions, *moves, *last), end.start, "")
-            refused = f"no way from the grasp there to the goal grasp: {found.reason}"
-            if end is None:
-                self.exhausted += found.is_exhausted and not begun[0].actions
-                return (), (), refused
+            attempt.refused = f"no way from the grasp there to the goal grasp: {found.reason}"
+            attempt.is_over = end is None
+            self.exhausted += attempt.is_over and found.is_exhausted and not begun[0].actions
+        return (), (), attempt.refused or NO_MORE
 
-    def _ask(self, ends: Ends, number: int) -> End | None:
+    def _ask(self, ends: Ends, number: int, limit: float) -> End | None:
         """Return an end by its number, None where there is none; counts the work."""
         before = ends.opened
-        end = ends.get(number)
+        end = ends.get(number, int(min(limit - self.work, MOST_WORK)) // GAIT_WORK)
         self._count(ends.opened - before, GAIT_WORK)
         return end
 
@@ -309,15 +346,10 @@ class Stages:
         )
 
 
-def suggest_cure(refusal: str) -> str:
-    """Return what would help against a refusal of a grasp or of the way to it."""
-    if "obstacle" in refusal or "floor" in refusal:
-        return "move or shrink what is in the way, or choose goal contacts or a goal pose farther from it"
-    if "come within" in refusal or "too near" in refusal:
-        return "move the goal contacts of these fingers apart, or towards where the fingers stand"
-    if any(word in refusal for word in ("joint", "singular", "workspace", "order", "reach")):
-        return "move the goal contacts towards where the fingers stand, and keep the fingers' clockwise order"
-    return "move two of the goal contacts nearer to opposite, raise the friction, lower friction.safety, or use a lighter object"
+def _rank_refusal(why: str) -> int:
+    """Return how far a way came that was refused for this reason, the farthest first."""
+    stops = ("no way from", "there is no way into", "the object cannot be brought", "the goal grasp")
+    return next((k for k, stop in enumerate(stops) if why.startswith(stop)), len(stops))
 
 
 def choose_rests(motion: ObjectMotion) -> tuple[float, ...]:

@@ -1,0 +1,56 @@
+"""What is wrong with goal contacts wherever the object is, and what would help against a refusal."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from dexplan.grasp.closure import check_force_closure
+from dexplan.grasp.grasp import Contact, Grasp
+from dexplan.planning.hand import HandModel
+from dexplan.spatial import Array, build_frame
+
+GoalContacts = tuple[Array | None, ...]
+"""Per finger the outward normal (3,) of its goal contact in object axes, None where it has to be free."""
+
+
+def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> tuple[str, str]:
+    """Return the status and the reason that refuse the goal contacts wherever the object is; "" and "" where nothing does.
+
+    These are questions of the object and the fingertips alone: where contacts are allowed, whether tips overlap, and force
+    closure with the believed friction.
+    """
+    surface, names = hand.object.surface, [f.name for f in hand.fingers]
+    wanted = [(f, n) for f, n in enumerate(goal) if n is not None]
+    for f, n in wanted:
+        if not hand.object.allows(n[None])[0]:
+            return "goal_not_allowed", (
+                f"the goal contact of {names[f]} lies outside object.allowed_regions; move it inside, or widen a region"
+            )
+    for (f, n), (g, m) in combinations(wanted, 2):
+        tips = [hand.fingers[k].tip_radius for k in (f, g)]
+        between = np.linalg.norm(surface.closest(n) + tips[0] * n - surface.closest(m) - tips[1] * m)
+        if (gap := between - sum(tips)) < hand.limits.clearance:
+            return "goal_grasp_inadmissible", (
+                f"the tips of {names[f]} and {names[g]} would come within {1e3 * gap:.1f} mm at their goal contacts, and "
+                f"{1e3 * hand.limits.clearance:.1f} mm have to be left; move the two contacts apart"
+            )
+    grasp = Grasp(tuple(Contact(f, surface.closest(n), build_frame(-n), hand.friction) for f, n in wanted))
+    if not check_force_closure(grasp).is_closed:
+        return "goal_grasp_inadmissible", (
+            "the goal contacts are not force closed with the believed friction; move two of them nearer to opposite, raise "
+            "the friction, or lower friction.safety"
+        )
+    return "", ""
+
+
+def suggest_cure(refusal: str) -> str:
+    """Return what would help against a refusal of a grasp or of the way to it."""
+    if "obstacle" in refusal or "floor" in refusal:
+        return "move or shrink what is in the way, or choose goal contacts or a goal pose farther from it"
+    if "come within" in refusal or "too near" in refusal:
+        return "move the goal contacts of these fingers apart, or towards where the fingers stand"
+    if any(word in refusal for word in ("joint", "singular", "workspace", "order", "reach")):
+        return "move the goal contacts towards where the fingers stand, and keep the fingers' clockwise order"
+    return "move two of the goal contacts nearer to opposite, raise the friction, lower friction.safety, or use a lighter object"
