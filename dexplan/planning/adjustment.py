@@ -26,7 +26,7 @@ from dexplan.spatial import Array
 KIND = "grasp_adjustment"
 TURNS = 8
 """Turns of the object that are tried before the goal is given up."""
-WORK = 600
+WORK = 700
 """Work, as :class:`Stages` counts it, after which no further turn is tried."""
 
 

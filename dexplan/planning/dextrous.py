@@ -29,7 +29,7 @@ SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 
 DETOURS, AXES, MOST = (float(np.radians(15.0)), float(np.radians(30.0))), 12, 6
 """Turns [rad] about so many axes that lead to the goal from beside the straight way there; at most so many are tried."""
-WORK = 600
+WORK = 700
 """Work, as :class:`Stages` counts it, after which no further way is tried in one order."""
 OVERLAP = 0.3
 """Share of the relocations that should overlap a motion of the object in the order "simultaneous"."""

@@ -22,7 +22,7 @@ from dexplan.planning.roll_gait import build_roll_actions
 from dexplan.planning.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.still import StillContacts
 
-BUDGETS = (20, 80, 400)
+BUDGETS = (12, 50, 400)
 """Nodes that the gaits from one beginning may open: so many from all of them, and more where that leads nowhere."""
 MOST = 12
 """Gaits from one beginning that are looked at."""
@@ -49,7 +49,7 @@ class Beginning:
 
 def choose_beginnings(
     hand: HandModel, hold: Plan, start: Start, admissibility: Admissibility
-) -> tuple[Beginning, ...]:
+) -> list[Beginning]:
     """Return the start grasp, or where no two of three fingers hold ways to roll it until two do, and then the grasp itself.
 
     ``hold`` is the plan that holds still with the contacts ``start``.
@@ -59,12 +59,12 @@ def choose_beginnings(
     still = StillContacts(hand, X_WO, admissibility)
     itself = Beginning((), start)
     if len(held) < 3 or still.has_pair(tuple(still.add(c) for c in held)):
-        return (itself,)
+        return [itself]
     found = []
     for option in RollEveryPair(hand, X_WO, contacts, admissibility).first_of_every_pair(1):
         after = tuple(None if c is None or c.finger == option.lifted else c.X_OF for c in option.contacts)
         found.append(Beginning(build_roll_actions(option, hand, X_WO, VERTICAL), after))
-    return (*found, itself)
+    return [*found, itself]
 
 
 @dataclass(eq=False)
@@ -72,12 +72,12 @@ class Ends:
     """Ends of gaits to ``goal``, found one after another as they are asked for.
 
     ``opened`` counts nodes, ``why`` says why there is none, ``found`` has those that were asked for so far.
-    ``contacts`` are those from which the ``beginnings`` begin, where they are known.
+    ``contacts`` are those from which the ``beginnings`` begin, where they are known; the latest that led to an end is put first.
     """
 
     hand: HandModel
     goal: RotationGoal
-    beginnings: tuple[Beginning, ...]
+    beginnings: list[Beginning]
     contacts: Contacts
     node_budget: int
     primitives: tuple[Literal["substitution", "rewind"], ...]
@@ -107,7 +107,7 @@ class Ends:
         for budget in BUDGETS:
             if self.found:
                 return
-            for beginning in self.beginnings:
+            for beginning in tuple(self.beginnings):
                 before, nodes = self.opened, min(budget, self.node_budget, self._until - self.opened)
                 if nodes <= 0:
                     return
@@ -123,6 +123,9 @@ class Ends:
                     first = self.contacts if beginning.actions else plan.start_contacts
                     last = actions[-1].contacts_end if actions else first
                     if all(_are_different(last, end.contacts) for end in self.found):
+                        # What led somewhere will lead elsewhere, too: the next gaits begin with it.
+                        self.beginnings.remove(beginning)
+                        self.beginnings.insert(0, beginning)
                         yield End(actions, first, follow_actions(self.hand, first, actions))
 
 

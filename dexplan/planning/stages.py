@@ -27,11 +27,11 @@ from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.still import StillContacts, build_landings
 from dexplan.spatial import Array
 
-SEARCH_BUDGET = 400
+SEARCH_BUDGET = 160
 """Nodes that one search for an adjustment may open."""
 GAIT_WORK = 6
 """A node of the gait before it takes so many times as long."""
-PASSES = ((0, 1), (1, 1), (0, 2), (0, 4), (1, 2), (2, 2))
+PASSES = ((0, 2), (0, 4), (1, 2), (2, 2))
 """What is tried with every way in turn: which of the ``REST_ANGLES``, and from how many ends of gaits."""
 NO_MORE = "the search was given up before it"
 MOST_WORK = 3000
@@ -199,7 +199,7 @@ class Stages:
         No way is begun after so much ``work``.
         """
         why, tried, limit = "", set[int](), self.work + work
-        for k, ends in PASSES[1:] if is_simultaneous else PASSES:
+        for k, ends in PASSES[2:] if is_simultaneous else PASSES:
             for number, (before, after) in enumerate(ways):
                 rests = choose_rests(before)[k : k + 1]
                 if self.work >= limit or not rests:
@@ -300,7 +300,7 @@ class Stages:
         return self._gaits[key]
 
     @cached_property
-    def beginnings(self) -> tuple[Beginning, ...]:
+    def beginnings(self) -> list[Beginning]:
         """How gaits may begin."""
         return choose_beginnings(self.hand, self.hold, self.start, self.admissibility)
 
