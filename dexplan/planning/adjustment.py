@@ -26,6 +26,8 @@ from dexplan.spatial import Array
 KIND = "grasp_adjustment"
 TURNS = 8
 """Turns of the object that are tried before the goal is given up."""
+PASSES = ((0, 2), (0, 4), (1, 2), (2, 2))
+"""Attitudes lie far apart, and each gets a second end of a gait before the next one has its turn."""
 WORK = 700
 """Work, as :class:`Stages` counts it, after which no further turn is tried."""
 
@@ -84,7 +86,7 @@ def plan_grasp_adjustment(
         there = motion.X_WO_end
         back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
         ways.append((motion, back))
-    done = stages.run_all(ways, WORK, is_attitude=True, is_simultaneous=False)
+    done = stages.run_all(ways, PASSES, WORK, is_attitude=True, is_simultaneous=False)
     if done.number is not None:
         there = ways[done.number][0].X_WO_end
         goal_pose = stay if keep_object else RotationGoal.from_attitude(X_WO, there[:3, :3])

@@ -29,6 +29,10 @@ SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 
 DETOURS, AXES, MOST = (float(np.radians(15.0)), float(np.radians(30.0))), 12, 6
 """Turns [rad] about so many axes that lead to the goal from beside the straight way there; at most so many are tried."""
+PASSES = ((0, 1), (0, 2), (0, 4), (1, 2), (2, 2))
+"""Most ways lie near one another, and each gets one end of a gait at first."""
+TOGETHER = PASSES[3:]
+"""Where fingers are to travel while the object moves the search needs some of the object's way."""
 WORK = 700
 """Work, as :class:`Stages` counts it, after which no further way is tried in one order."""
 OVERLAP = 0.3
@@ -91,7 +95,8 @@ def _plan_in_order(
     ways = [(whole.part(0.0, share), whole.part(share, 1.0)) for share in shares]
     if len(shares) > 1 and goal.is_attitude:
         ways += _choose_detours(stages, goal)
-    done = stages.run_all(ways, work, goal.is_attitude, is_simultaneous)
+    passes = TOGETHER if is_simultaneous else PASSES
+    done = stages.run_all(ways, passes, work, goal.is_attitude, is_simultaneous)
     if done.number is not None:
         return stages.build_plan(KIND, goal, done.actions, done.start)
     return stages.refuse(

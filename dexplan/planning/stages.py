@@ -31,7 +31,7 @@ SEARCH_BUDGET = 160
 """Nodes that one search for an adjustment may open."""
 GAIT_WORK = 6
 """A node of the gait before it takes so many times as long."""
-PASSES = ((0, 2), (0, 4), (1, 2), (2, 2))
+Passes = tuple[tuple[int, int], ...]
 """What is tried with every way in turn: which of the ``REST_ANGLES``, and from how many ends of gaits."""
 NO_MORE = "the search was given up before it"
 MOST_WORK = 3000
@@ -190,16 +190,17 @@ class Stages:
     def run_all(
         self,
         ways: list[tuple[ObjectMotion, ObjectMotion]],
+        passes: Passes,
         work: int,
         is_attitude: bool,
         is_simultaneous: bool,
     ) -> Outcome:
         """Plan the first of ``ways``, each as for :meth:`run`, that comes to the goal: little is tried with all, then more.
 
-        No way is begun after so much ``work``.
+        ``passes`` say how much; no way is begun after so much ``work``.
         """
         why, tried, limit = "", set[int](), self.work + work
-        for k, ends in PASSES[2:] if is_simultaneous else PASSES:
+        for k, ends in passes:
             for number, (before, after) in enumerate(ways):
                 rests = choose_rests(before)[k : k + 1]
                 if self.work >= limit or not rests:
