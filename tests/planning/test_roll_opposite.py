@@ -52,13 +52,13 @@ def test_a_finger_exactly_opposite_has_no_side_to_follow(hand: HandModel, third:
     is_opposite = np.linalg.norm(np.cross(toward, contacts[2].normal_O)) < 1e-9
     assert is_opposite == (tried == 1)
     search = RollToPair(hand, hand.object.X_WO_home, tuple(contacts), Crowded(hand))
-    assert search.open_pair(*contacts, WIDER) is None
+    assert search.open_pair(contacts[0], contacts[1], contacts[2], WIDER) is None
     assert search.refusals == {"too many fingers": tried}
 
 
 def test_it_stays_where_that_is_admissible(hand: HandModel) -> None:
     contacts = place(hand, 240.0)
     search = RollToPair(hand, hand.object.X_WO_home, tuple(contacts), Admissibility(hand))
-    way = search.open_pair(*contacts, WIDER)
+    way = search.open_pair(contacts[0], contacts[1], contacts[2], WIDER)
     assert way is not None
     assert sorted(roll.finger for roll in way.rolls) == [0, 1]
