@@ -88,6 +88,8 @@ class Admissibility:
 
     hand: HandModel
     _solvers: dict[int, ForceSolver] = field(default_factory=dict)
+    failed_detours: int = 0
+    """Detours that all searches for one goal have looked for in vain."""
 
     def compute_margins(
         self,

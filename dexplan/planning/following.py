@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dexplan.planning.pointing import move_to_base
-from dexplan.planning.spherical_wrist import find_spherical_wrist
+from dexplan.planning.spherical_wrist import find_spherical_wrist, solve_near
 from dexplan.planning.travel import wrap_near
-from dexplan.scene.chain import Chain, compute_tip_pose, solve_ik
+from dexplan.scene.chain import Chain, solve_ik
 from dexplan.spatial import Array
 
 JUMP = 0.30
@@ -31,14 +30,9 @@ def follow_closed(chain: Chain, X_WF: Array, q_start: Array) -> Array | None:
     All at once, on the branch of the closed form that ``q_start`` lies on; None for chains without one.
     """
     wrist = find_spherical_wrist(chain)
-    branches = () if wrist is None else wrist.find_branches(q_start[None])
-    if wrist is None or not branches:
+    if wrist is None or not wrist.find_branches(q_start[None]):
         return None
-    solved, exists = wrist.solve(*move_to_base(chain, X_WF[:, :3, 3], X_WF[:, :3, 2]), branches[0])
-    q = np.ascontiguousarray(solved.T)
-    # The tip's own joint, at zero so far, takes up the spin.
-    E = compute_tip_pose(chain, q)[:, :3, :3].swapaxes(1, 2) @ X_WF[:, :3, :3]
-    q[:, -1] = chain.roll_sign * np.arctan2(E[:, 1, 0] - E[:, 0, 1], E[:, 0, 0] + E[:, 1, 1])
+    q, exists = solve_near(chain, X_WF, np.tile(q_start, (len(X_WF), 1)))
     q[0] = q_start
     q = np.unwrap(q, axis=0)
     good = exists[1:] & (np.abs(np.diff(q, axis=0)).max(axis=1) <= JUMP)

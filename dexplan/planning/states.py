@@ -8,7 +8,6 @@ not.  Only what lies between is asked right away; every state of a finished plan
 from __future__ import annotations
 
 import re
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +33,6 @@ PATIENCE = 12
 OVERLOAD = "the contacts cannot carry the load (friction)"
 
 Key = tuple[tuple[int, int, int], ...]
-
-_FAILURES: WeakKeyDictionary[Admissibility, int] = WeakKeyDictionary()
-"""Detours looked for in vain, by what all searches for one goal share."""
 
 
 def where(held: Held) -> tuple[int, int, int]:
@@ -218,9 +214,9 @@ class StateChecks:
                 )
                 arc = self._arcs[where(moving)] = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
             around = self._around(moving, holding, done)
-            way = find_way(around, arc, looks_around and _FAILURES.get(self._admissibility, 0) < PATIENCE)
+            way = find_way(around, arc, looks_around and self._admissibility.failed_detours < PATIENCE)
             if looks_around and not way.around and way.clearance < self._hand.limits.clearance:
-                _FAILURES[self._admissibility] = _FAILURES.get(self._admissibility, 0) + 1
+                self._admissibility.failed_detours += 1
             self._ways[key] = way
         return self._ways[key]
 
