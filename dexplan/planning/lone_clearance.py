@@ -1,7 +1,7 @@
 """Does a finger that touches, or hovers over its contact, come too near to anything, all others at home?
 
-Asked once per finger, place and direction.  A tip that touches a sphere with its pole along the normal holds the finger's links in
-one place whatever the spin, so that the answer belongs to the direction alone.  Directions are those of a grid as fine as the
+Asked once per finger, place and direction.  A tip that touches a sphere with its pole along the normal holds the finger's links
+in one place whatever the spin, so that the answer belongs to the direction alone.  Directions are those of a grid as fine as the
 stations at which orbits are looked at.
 """
 
