@@ -2,7 +2,8 @@
 
 *Theorem 1* [paper §2.2] is **necessary**: where it fails no gait is possible; where it holds, nothing is promised.
 *Theory 3* [paper §3] is **sufficient** for a sphere: where it holds, rewinds exist; where it fails, they may exist all the same.
-Neither is ever used the other way round, and the texts say so.
+Neither is ever used the other way round, and the texts say so.  Theory 3 speaks of fingertips as points: it knows no thickness
+of tips and no other clearance, so where it holds a rewind of real fingers may still find no room.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class RewindCondition:
 
     Where ``is_met``, ``x_O`` in CWS_i_jk and ``y_O`` in CWS_j_ik (3,), outward normals in object axes, are the pair with the
     largest ``margin`` [rad]: their central angle beyond the smallest closed one, the same as dist(x, y) > 2 r cos(theta).  Where
-    it is not, ``reason`` says what is missing; rewinds may exist all the same.
+    it is not, ``reason`` says what is missing; rewinds may exist all the same.  A met condition speaks of tips that are points.
     """
 
     is_met: bool
@@ -108,6 +109,9 @@ def check_theory_3(regions: Regions, i: int, j: int, k: int) -> RewindCondition:
     Sufficient for fingers i and j to be rewound: CWS_i_jk and CWS_j_ik are not empty and hold points x, y with
     dist(x, y) > 2 r cos(theta) [paper §3].  Whether the witnesses lie in their regions is settled exactly; regions smaller than
     the grid's triangles count as empty, which errs on the side of a sufficient condition.
+
+    Tips count as points: their thickness and every other clearance (of links, the other fingers, obstacles), loads too, are for
+    the planner to check, so where the condition holds a rewind may still find no room.
     """
     if len({i, j, k}) < 3:
         raise ValueError(f"fingers are {i}, {j}, {k}; three different ones are accepted")
