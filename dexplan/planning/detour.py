@@ -120,7 +120,9 @@ def find_detour(around: tuple[Surroundings, ...], q_start: Array, q_end: Array) 
 def bow_arc(around: Surroundings, arc: Array) -> Detour | None:
     """Return the ``arc`` (K, J) bowed in one joint so that it is clear; None where its ends are not, or no bow does.
 
-    The joint and the sense are those that help most where the arc is worst.
+    The joint and the sense are those that help most where the arc is worst.  The bow is half a sine of one of ``BOWS``, the
+    smallest that does: both ends stay, all other joints go as in the arc, and what is returned keeps to the same limits as
+    :func:`find_detour`.
     """
     room = _Room((around,), arc[0], arc[-1])
     clearances = [around.compute_clearance(posture)[0] for posture in arc]
