@@ -37,20 +37,39 @@ def plan_object_manipulation(
     if plan.status not in stuck or sum(c is not None for c in plan.start_contacts) < 3:
         return plan
     rolling = RollToPair(hand, goal.X_WO_start, plan.start_contacts, Admissibility(hand))
-    refused = ""
+    refused: list[Plan] = []
     for option in islice(rolling.options(), OPTIONS):
         after = tuple(None if c is None or c.finger == option.lifted else c.X_OF for c in option.contacts)
         rest = plan_rotation(hand, goal, after, node_budget, primitives, improvement)
         if rest.is_solved:
             return _join(hand, goal, plan, option, rest)
-        refused = refused or f"{rest.status}: {rest.reason}"
-    why = f"after rolling: {refused}" if refused else f"rolling cannot make one: {rolling.explain()}"
-    return replace(plan, reason=f"{plan.reason}; {why}")
+        refused.append(rest)
+    if not refused:
+        return replace(plan, reason=f"{plan.reason}; rolling cannot make one: {rolling.explain()}")
+    # Where a search was cut short there may be a gait after all: its words go first, and its status is the plan's.
+    telling = next((r for r in refused if r.status == "budget_exhausted"), refused[0])
+    status = telling.status if telling.status == "budget_exhausted" else plan.status
+    tried = f"{len(refused)} ways tried" if len(refused) > 1 else "one way tried"
+    return replace(
+        plan,
+        status=status,
+        reason=f"{plan.reason}; after rolling ({tried}): {telling.status}: {telling.reason}",
+    )
 
 
 def _join(hand: HandModel, goal: RotationGoal, start: Plan, option: RollPlan, rest: Plan) -> Plan:
-    """Return the plan that holds, rolls, lifts the finger that is no longer needed, and goes on with ``rest``."""
+    """Return the plan that holds, rolls, lifts the finger that is no longer needed, and goes on with ``rest``.
+
+    Nothing rolls where a pair holds alone as it stands and lifting the third finger is all that helps.
+    """
     still = {"X_WO_start": goal.X_WO_start, "X_WO_end": goal.X_WO_start, "axis_W": goal.axis_W, "angle": 0.0}
     hold = build_hold(list(start.start_contacts), still, "let the grasp settle")
     roll, lift = build_roll_actions(option, hand, goal.X_WO_start, goal.axis_W)
-    return replace(rest, start_contacts=start.start_contacts, actions=(hold, roll, lift, *rest.actions[1:]))
+    if start.status != "no_admissible_pair":
+        roll = replace(
+            roll, why="no gait was found from the start contacts; rolled, they make a grasp with one"
+        )
+        i, j = (hand.fingers[f].name for f in option.pair)
+        lift = replace(lift, why=f"{i} and {j} hold alone, and a gait begins with them")
+    first = (hold, roll, lift) if option.rolls else (hold, lift)
+    return replace(rest, start_contacts=start.start_contacts, actions=(*first, *rest.actions[1:]))
