@@ -29,10 +29,13 @@ DIRECTIONS = 700
 
 @dataclass(frozen=True, eq=False)
 class Landings:
-    """One finger's orbits on a leg, and the rows of stations on them where it can land."""
+    """One finger's orbits on a leg, the ``rows`` of stations on them where it can land, and those at which it can ``stand``: some
+    of these it comes to with the object only, landing is refused there.
+    """
 
     orbits: tuple[Orbit, ...]
     rows: Candidates
+    stand: Candidates
 
     def numbered_from(self, first: int) -> Candidates:
         """Return the rows with orbits counted from ``first`` on."""
@@ -67,4 +70,5 @@ def _find(hand: HandModel, leg: Leg, finger: int, first: Array) -> Landings:
         blocked = remember_clearances(hand).refuse_landing(finger, leg.center, normals)
         free = np.array([not refusal for refusal in blocked], dtype=bool)
     carry = np.stack([o.carry for o in orbits])[which, station]
-    return Landings(tuple(orbits), Candidates(which[free], station[free], normals[free], carry[free]))
+    rows = Candidates(which[free], station[free], normals[free], carry[free])
+    return Landings(tuple(orbits), rows, Candidates(which, station, normals, carry))

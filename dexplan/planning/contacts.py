@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from dexplan.planning.admissible import FingerState, compute_finger_states
 from dexplan.planning.aligned import build_aligned
-from dexplan.planning.candidates import find_landings
+from dexplan.planning.candidates import Landings, find_landings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Candidates, Held, Landfall, Landing
 from dexplan.planning.legs import STEP, Leg
@@ -72,17 +72,24 @@ class ContactTable:
         return compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
 
     @cached_property
+    def _landings(self) -> tuple[Landings, ...]:
+        return find_landings(self.hand, self.leg)
+
+    @cached_property
     def candidates(self) -> dict[int, Candidates]:
         """Landing places of every finger."""
         found = {}
-        for finger, landings in enumerate(find_landings(self.hand, self.leg)):
+        for finger, landings in enumerate(self._landings):
             found[finger] = landings.numbered_from(len(self.orbits))
             self.orbits += landings.orbits
         return found
 
     def foresee_carry(self, finger: int, normal: Array) -> int:
-        """Return for how many stations the finger could about carry a contact along ``normal`` (3,) in W from the leg's start."""
-        rows = self.candidates[finger]
+        """Return for how many stations the finger could about carry a contact along ``normal`` (3,) in W from the leg's start.
+
+        It is taken to stand there already: whether it could land there does not matter.
+        """
+        rows = self._landings[finger].stand
         if not len(rows.carry):
             return 0
         if finger not in self._trees:
