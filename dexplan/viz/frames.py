@@ -48,6 +48,11 @@ def choose_frames(trace: Trace, plan: Plan, most: int = MOST_FRAMES) -> tuple[Fr
     """
     if most < 1:
         raise ValueError(f"{most} frames make no row; 1 or more are accepted")
+    return _list_frames(trace, plan)[:most]
+
+
+def _list_frames(trace: Trace, plan: Plan) -> tuple[Frame, ...]:
+    """Return all frames that there are."""
     times, start = trace["time"], float(trace["time"][0])
     holding = tuple(i for i, c in enumerate(plan.start_contacts) if c is not None)
     frames = [Frame(1, start, "start", holding)]
@@ -59,7 +64,7 @@ def choose_frames(trace: Trace, plan: Plan, most: int = MOST_FRAMES) -> tuple[Fr
         holding = tuple(i for i, c in enumerate(action.contacts_end) if c is not None)
         caption = describe_step(plan, action)
         frames.append(Frame(len(frames) + 1, float(times[inside[-1]]), caption, holding))
-    return tuple(frames[:most])
+    return tuple(frames)
 
 
 def describe_step(plan: Plan, action: Action) -> str:
@@ -91,13 +96,16 @@ def draw_frames(
         raise ValueError(f"{columns} columns make no row; 1 or more are accepted")
     frames = choose_frames(trace, plan, most)
     with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
-        paths = render_frames(trace, [f.time for f in frames], folder, size=FRAME_SIZE, camera=camera)
+        paths = render_frames(
+            trace, [f.time for f in frames], folder, plan=plan, size=FRAME_SIZE, camera=camera
+        )
         pictures = [_crop(imread(p)) for p in paths]
+    figure = _compose(frames, pictures, columns, len(_list_frames(trace, plan)))
     target = Path(path)
     partial = target.with_name(f".{target.name}.partial")
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
-        _compose(frames, pictures, plan, columns).savefig(partial, format="png")
+        figure.savefig(partial, format="png")
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)
@@ -116,7 +124,7 @@ def draw_run_frames(folder: str | os.PathLike[str], most: int = MOST_FRAMES, cam
     return draw_frames(trace, plan, folder / "frames.png", most=most, camera=camera)
 
 
-def _compose(frames: Sequence[Frame], pictures: Sequence[np.ndarray], plan: Plan, columns: int) -> Figure:
+def _compose(frames: Sequence[Frame], pictures: Sequence[np.ndarray], columns: int, total: int) -> Figure:
     columns = min(columns, len(frames))
     rows = -(-len(frames) // columns)
     figure = Figure(figsize=(2.4 * columns, 2.75 * rows), dpi=110, facecolor="white")
@@ -142,6 +150,10 @@ def _compose(frames: Sequence[Frame], pictures: Sequence[np.ndarray], plan: Plan
                 markeredgecolor="white",
             )
         ax.set_title(frame.caption, y=-0.1, fontsize=9, color=INK)
+    if total > len(frames):
+        # Nobody should take the last picture for the end of the run.
+        more = f"… {total - len(frames)} more"
+        figure.text(0.99, 0.02 / rows, more, ha="right", va="bottom", fontsize=8, style="italic", color=INK)
     figure.subplots_adjust(left=0.01, right=0.99, top=0.99, bottom=0.09 / rows, wspace=0.03, hspace=0.14)
     return figure
 

@@ -1,4 +1,4 @@
-"""What is laid over a rendered picture: force arrows inside the scene, and text on dark strips."""
+"""What is laid over a rendered picture: force arrows and goals inside the scene, and text on dark strips."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from dexplan.planning.plan import Plan
 from dexplan.spatial import Array
 from dexplan.viz.palette import as_rgb, get_finger_color
 
@@ -18,6 +19,10 @@ Picture = NDArray[np.uint8]
 ARROW_LENGTH = 0.008
 """Length of a force arrow [m/N]."""
 ARROW_WIDTH = 0.003
+GOAL_RADIUS = 0.008
+"""Of the knob on the object where a finger has to touch in the end [m]."""
+GOAL_SHADE = 0.5
+"""A goal is marked in its finger's colour, darkened to this share, as in the paper's figure 5."""
 HIDDEN_SHARE = 0.8
 """How much of an arrow shines through what stands in front of it."""
 FULL_BRIGHTNESS = 120.0
@@ -48,6 +53,19 @@ def add_force_arrows(
         mujoco.mjv_connector(geom, shape, ARROW_WIDTH, start, start + ARROW_LENGTH * f_W)
         # Its own colour whatever the lights do, so that it can be told by the legend.
         geom.emission = 0.8
+        scene.ngeom += 1
+
+
+def add_goal_marks(scene: mujoco.MjvScene, X_WO: Array, plan: Plan) -> None:
+    """Append to a visual scene a dark knob on the object, at the pose ``X_WO`` (4, 4), for every goal contact of a plan."""
+    for contact in plan.goal_contacts or ():
+        if contact is None or scene.ngeom >= scene.maxgeom:
+            continue
+        geom, shape = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_SPHERE
+        shade = GOAL_SHADE * np.array(as_rgb(get_finger_color(contact.finger)))
+        size, place = np.full(3, GOAL_RADIUS), X_WO[:3, :3] @ contact.point_O + X_WO[:3, 3]
+        rgba = np.array([*shade, 1.0], dtype=np.float32)
+        mujoco.mjv_initGeom(geom, shape, size, place, np.eye(3).ravel(), rgba)
         scene.ngeom += 1
 
 

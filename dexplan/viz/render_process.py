@@ -56,6 +56,7 @@ class SceneRenderer:
         if camera not in cameras:
             raise UnknownNameError("camera", camera, cameras)
         _paint_tips(model, self._names)
+        join_tips(model, self._names)
         width, height = size
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         model.vis.quality.offsamples = STILL_SAMPLES if is_still else 0
@@ -90,7 +91,7 @@ class SceneRenderer:
         self._context.free()
 
     def draw(self, time: float) -> Picture:
-        """Return the picture (H, W, 3) of the sample nearest to ``time`` [s], arrows and texts included."""
+        """Return the picture (H, W, 3) of the sample nearest to ``time`` [s], arrows, goals and texts included."""
         sample = _find_nearest(self._trace["time"], time)
         data = self._data
         data.qpos[:] = self._poses[sample]
@@ -103,6 +104,8 @@ class SceneRenderer:
             self._model, data, self._option, None, self._camera, catalogue.value, self._scene
         )
         self._add_arrows(self._scene, sample)
+        if self._plan is not None:
+            overlay.add_goal_marks(self._scene, self._find_object(), self._plan)
         picture = self._render(self._scene)
         self._arrows.ngeom = self._arrows.nlight = 0
         self._add_arrows(self._arrows, sample)
@@ -114,11 +117,15 @@ class SceneRenderer:
         return picture
 
     def _add_arrows(self, scene: Any, sample: int) -> None:
-        body = int(self._model.jnt_bodyid[self._object.id])
-        X_WO = make_pose(self._data.xmat[body].reshape(3, 3), self._data.xpos[body])
         names = ("contact_point_O", "contact_rotation_O", "contact_force")
         if all(name in self._trace for name in names):
-            overlay.add_force_arrows(scene, X_WO, *(self._trace[name][sample] for name in names))
+            overlay.add_force_arrows(
+                scene, self._find_object(), *(self._trace[name][sample] for name in names)
+            )
+
+    def _find_object(self) -> Array:
+        body = int(self._model.jnt_bodyid[self._object.id])
+        return make_pose(self._data.xmat[body].reshape(3, 3), self._data.xpos[body])
 
     def _render(self, scene: Any) -> Picture:
         mujoco.mjr_render(self._rect, scene, self._context)
@@ -220,6 +227,24 @@ def _paint_tips(model: Any, names: tuple[str, ...]) -> None:
         if geom is not None:
             model.geom_matid[geom] = -1
             model.geom_rgba[geom] = [*as_rgb(get_finger_color(finger)), 1.0]
+
+
+def join_tips(model: Any, names: tuple[str, ...]) -> None:
+    """Let each finger's stem be seen to reach the flat side of its fingertip.
+
+    What collides is the tip's whole sphere, on which the stem ends; of the tip only the front half is seen, and it would float.
+    """
+    known = {model.geom(k).name: k for k in range(model.ngeom)}
+    for name in names:
+        stem, tip = known.get(f"{name}/stem"), known.get(f"{name}/tip")
+        if stem is None or tip is None or model.geom_bodyid[stem] != model.geom_bodyid[tip]:
+            continue
+        end = model.geom_pos[tip].copy()
+        along = end - model.geom_pos[stem]
+        along /= np.linalg.norm(along)
+        start = model.geom_pos[stem] - model.geom_size[stem, 1] * along
+        model.geom_pos[stem] = 0.5 * (start + end)
+        model.geom_size[stem, 1] = 0.5 * np.linalg.norm(end - start)
 
 
 def _fill_poses(qpos: Array) -> Array:
