@@ -23,8 +23,18 @@ if TYPE_CHECKING:
 CONFIRMED, HONEST_NO = 0, 1
 """Exit codes of a command that did its work: the physics confirms the plan, or there is a reason why not."""
 
-RUN_FILES = ("problem.toml", "plan.json", "model.xml", "trace.npz", "report.json", "video.mp4", "crash.txt")
-"""Every file that a run leaves in its folder."""
+RUN_FILES = (
+    "problem.toml",
+    "plan.json",
+    "model.xml",
+    "trace.npz",
+    "report.json",
+    "summary.png",
+    "frames.png",
+    "video.mp4",
+    "crash.txt",
+)
+"""Every file that is made of a run in its folder; ``inspect`` has its own."""
 
 Progress = Callable[[float], None]
 """``progress(share)``: how much of the work is done, 0 to 1."""

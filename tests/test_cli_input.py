@@ -184,7 +184,7 @@ def test_no_plan_is_an_honest_no(
     pipeline.plan = lambda problem: _Plan("start_out_of_reach")
     old = cwd / "there"
     old.mkdir()
-    for name in ("trace.npz", "report.json", "notes.txt"):
+    for name in ("trace.npz", "report.json", "summary.png", "frames.png", "notes.txt"):
         (old / name).write_text("old")
     assert main(["run", "hold_two", "--out", "there"]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "FAIL plan start_out_of_reach"
