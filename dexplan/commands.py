@@ -164,9 +164,14 @@ def _check_run_folder(folder: Path) -> None:
 
 def _open_folder(folder: Path) -> None:
     """Make the folder, and take an older run's files out of it."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in RUN_FILES:
-        (folder / name).unlink(missing_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in RUN_FILES:
+            (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        # Permissions do not tell everything: there are read-only places, and some that are no real folders.
+        fact = f"{str(folder)!r} cannot be written ({error.strerror})"
+        raise ProblemError("--out", "", fact, "accepted: a folder that can be written") from error
 
 
 def _judge(report: ValidationReport) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import sys
 from pathlib import Path
@@ -235,6 +236,25 @@ def test_input_the_scene_refuses_leaves_nothing(
     pipeline.plan = refuse
     assert main(["run", "hold_two"]) == 2
     _check_one_line(capsys, cwd)
+
+
+def test_a_folder_that_turns_out_not_to_be_writable_is_told_in_one_line(
+    pipeline: SimpleNamespace,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    cwd: Path,
+) -> None:
+    """Permissions look right and yet nothing can be made there, as on a read-only disk or in /proc."""
+
+    def refuse(self: Path, *given: Any, **options: Any) -> None:
+        raise OSError(errno.EROFS, "Read-only file system", str(self))
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    for command in ("plan", "run"):
+        assert main([command, "hold_two", "--out", "there"]) == 2
+        err = _check_one_line(capsys, cwd)
+        assert "--out: 'there' cannot be written (Read-only file system)" in err
+        assert "accepted: a folder that can be written" in err
 
 
 def test_a_defect_keeps_its_evidence(
