@@ -168,7 +168,7 @@ def _solve_home(name: str, chain: Chain, base: Array, center: Array, distance: f
     best = int(np.argmax(np.round(score, 6)))
     if not reached[best] or room[best].min() < -1e-6:
         raise DexplanError(
-            f"{name} cannot point at the object from home: its joint ranges leave no posture with the tip {1e3 * distance:.0f} mm "
-            "from the object's centre; widen them, move the base, or use a smaller object"
+            f"{name} cannot point at the object from home: its joint ranges leave no posture with the tip "
+            f"{1e3 * distance:.0f} mm from the object's centre; widen them, move the base, or use a smaller object"
         )
     return np.clip(q[best], chain.lower, chain.upper)

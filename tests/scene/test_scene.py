@@ -121,7 +121,7 @@ def test_unknown_scene_is_refused_with_the_known_ones() -> None:
 
 def test_a_hand_that_cannot_point_home_is_refused_with_the_cure() -> None:
     with pytest.raises(
-        DexplanError, match=r"finger_1 cannot point at .* from home: .*; widen them or move the base"
+        DexplanError, match=r"finger_1 cannot point at .* from home: .*; widen them, move the base, or use"
     ):
         load_scene(joint_ranges_deg=(("finger_1.joint_3", 10.0, 20.0),))
 
