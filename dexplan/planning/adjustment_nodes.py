@@ -12,8 +12,6 @@ from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.still import Stand
 from dexplan.planning.travel import Way
 
-HELPERS = 100
-"""Labels from here on are of places where a finger stands only for a while."""
 Labels = tuple[int | None, ...]
 """Per finger what its contact is to the goal, as :meth:`StillContacts.label` says."""
 
@@ -103,7 +101,7 @@ def build_moves(layers: Layers, last: Node, goal: Contacts, option: RollPlan | N
 
 
 def _explain_place(label: int | None) -> str:
-    if label is None or label >= HELPERS:
+    if label is None:
         return "it stands in for a finger that has to move"
     return (
         "it comes near its goal contact, from where it is rolled there"

@@ -1,8 +1,7 @@
 """Grasp adjustment: a search for moves from one of several grasps into the goal grasp [paper §1].
 
-It meets the ways into the goal that were found from the goal's side, and goes through them.  Where no two contacts of the goal
-hold, so that nothing can be put down last, the goal grasp is rolled into: a pair of the goal grasp is rolled apart until it holds
-alone, and the plan does that backwards.
+It is led by how many placements are missing at least, and ends in a stand that the goal's own side has found: the goal grasp, or
+one from which it is rolled into.
 """
 
 from __future__ import annotations
@@ -11,12 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.planning.adjustment_nodes import HELPERS, Labels, Node, build_moves, trace_back
+from dexplan.planning.adjustment_nodes import Labels, Node, build_moves, trace_back
 from dexplan.planning.coordinated import ObjectMotion
-from dexplan.planning.entrances import OPTIONS, GoalSide
+from dexplan.planning.goal_side import OPTIONS, GoalSide
 from dexplan.planning.layers import Layers
 from dexplan.planning.moves import Adjustment, Contacts, Move, is_same
 from dexplan.planning.plan import Placement
+from dexplan.planning.relocation_bound import RelocationBound
 from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
 from dexplan.planning.stand_search import AbstractStandSearch
@@ -25,8 +25,6 @@ from dexplan.spatial import Array
 
 PATIENCE = 30
 """After the first way is found as many nodes as it took are opened again, and so many more, to find a better one."""
-FREE, UNKNOWN = -2, -1
-"""Stand for no contact, and for one without a label."""
 
 
 @dataclass(eq=False)
@@ -62,9 +60,8 @@ class AdjustmentSearch(AbstractStandSearch):
 
     def __post_init__(self) -> None:
         self._hand, self._last = self.side.hand, self.layers.last
-        rows = [[FREE if n is None else n for n in labels] for labels in self.side.entrances]
-        self._targets = np.array(rows)
-        self._tails = np.array([len(e.stands) - 1 for e in self.side.entrances.values()])
+        self.bound = RelocationBound(self.layers, self.side.roots, self.is_simultaneous)
+        self._options = {self.side.still.label(stand): o for stand, o in self.side.options.items()}
 
     def begin(self, start: Contacts) -> Adjustment | None:
         """Add a grasp to start from; return the moves where they are so simple that no search is needed."""
@@ -89,18 +86,16 @@ class AdjustmentSearch(AbstractStandSearch):
         best: Node | None = None
         until = node_budget
         while (node := self._open_next(until, np.inf if best is None else best.spent)) is not None:
-            if node.layer < self._last or self._label(node) not in self.side.entrances:
+            if node.layer < self._last or self._label(node) not in self._options:
                 self._expand(node)
                 continue
-            entered, refusal = self._enter(node)
-            if entered is None:
+            if refusal := self._check_carries(node):
                 self._refuse(refusal, node)
-                self._expand(node)
                 continue
             if best is None:
                 until = min(until, 2 * self.opened + PATIENCE)
-            if best is None or entered.spent < best.spent:
-                best, option = entered, self.side.entrances[self._label(node)].option
+            if best is None or node.spent < best.spent:
+                best, option = node, self._options[self._label(node)]
             if not self.is_simultaneous:
                 break
         if best is not None:
@@ -152,25 +147,8 @@ class AdjustmentSearch(AbstractStandSearch):
     def _label(self, node: Node) -> Labels:
         return self.layers.poses[node.layer].label(node.stand)
 
-    def _enter(self, node: Node) -> tuple[Node | None, str]:
-        """Return the last node of the way into the goal from ``node``; None, and why, where it cannot be gone.
-
-        Carries on the way to ``node`` are looked at closely, and their margins noted.
-        """
-        if refusal := self._check_carries(node):
-            return None, refusal
-        stands = self.side.entrances[self._label(node)].stands
-        # A goal contact that was taken earlier and carried here is the same, under another number.
-        here = dict(zip(enumerate(stands[0]), node.stand, strict=True))
-        for stand in stands[1:]:
-            same = tuple(here.get((f, s), s) for f, s in enumerate(stand))
-            changed = next(f for f, s in enumerate(same) if s != node.stand[f])
-            node = Node(node.layer, same, node.spent + 1.0, node, changed)
-            if refusal := self._check(node):
-                return None, refusal
-        return node, ""
-
     def _check_carries(self, node: Node) -> str:
+        """Return why an object motion on the way to ``node`` cannot be, looked at closely; notes the margins of all."""
         while node.parent is not None:
             if node.parent.layer != node.layer and not node.margins:
                 node.margins, refusal = self.layers.judge_carry(node.parent.layer, node.parent.stand)
@@ -181,11 +159,6 @@ class AdjustmentSearch(AbstractStandSearch):
         return ""
 
     # -- search ----------------------------------------------------------------------------------------------------------
-
-    def _missing(self, node: Node) -> int:
-        labels = np.array([FREE if n is None else n for n in self._label(node)])
-        moves = (labels != FREE).astype(int) + (self._targets != FREE)
-        return int((np.where(labels != self._targets, moves, 0).sum(axis=1) + self._tails).min())
 
     def _goals(self, layer: int, finger: int) -> list[int]:
         """Return the contacts on ways into the goal that a finger may take in a layer."""
@@ -198,10 +171,7 @@ class AdjustmentSearch(AbstractStandSearch):
             still, last = self.layers.poses[layer], self.side.still
             self._early[key] = []
             for spot in self.side.wanted.get(finger, []):
-                label = last.labels[spot]
-                if label is None or label >= HELPERS:
-                    continue
                 found = land_again(self._hand, still.X_WO, last.spots[spot])
                 if found is not None:
-                    self._early[key].append(still.add(found, label))
+                    self._early[key].append(still.add(found, last.labels[spot]))
         return self._early[key]

@@ -23,7 +23,7 @@ APART = tuple(np.radians((25.0, 12.0)).tolist())
 WAY_WEIGHT = 0.15
 """How much a turn's own angle counts beside the angle between a contact and where its finger is at home."""
 REFUSALS = 60
-"""So many turns within reach are asked whether the goal grasp holds there before the answer is no."""
+"""After so many turns within reach at which the goal grasp does not hold those that were found are enough; none is not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +45,15 @@ class Turn:
 
 @dataclass(eq=False)
 class Turns:
-    """Turns after which every goal contact lies within reach; ``fault`` says what was wrong with the first that does not hold."""
+    """Turns after which every goal contact lies within reach.
+
+    ``fault`` says what was wrong with the first after which the goal grasp does not hold, ``refused`` how many such were asked.
+    """
 
     stages: Stages
     reachable: list[Turn] = field(init=False)
     fault: str = ""
+    refused: int = 0
 
     def __post_init__(self) -> None:
         self.reachable = sorted(_find_reachable(self.stages), key=lambda turn: turn.cost)
@@ -70,7 +74,7 @@ class Turns:
 
         ``may_end`` says whether a pose (4, 4) with the goal contacts there is one that is asked for; all are where it is None.
         """
-        stages, chosen, refused, asked = self.stages, list[Array](), 0, set[int]()
+        stages, chosen, asked = self.stages, list[Array](), set[int]()
         for apart in APART:
             for k, turn in enumerate(self.reachable):
                 R = rotate_about(turn.axis_W, turn.angle)
@@ -81,8 +85,8 @@ class Turns:
                 contacts, _ = stages.land_goal(X_WO)
                 if refusal := stages.refuse_goal(X_WO, contacts):
                     self.fault = self.fault or refusal
-                    refused += 1
-                    if refused == REFUSALS:
+                    self.refused += 1
+                    if chosen and self.refused >= REFUSALS:
                         return
                     continue
                 if may_end is not None and not may_end(X_WO, contacts):

@@ -16,9 +16,9 @@ from dexplan.planning.adjustment_search import AdjustmentSearch
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
 from dexplan.planning.ends import Beginning, End, Ends, choose_beginnings
-from dexplan.planning.entrances import GoalSide
 from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, suggest_cure
+from dexplan.planning.goal_side import GoalSide
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions
 from dexplan.planning.plan import SOLVED, Action, GoalContact, Placement, Plan
@@ -283,7 +283,6 @@ class Stages:
         key = b"".join(np.round(m, 9).tobytes() for m in (X_WO, *(c.X_OF for c in goal if c is not None)))
         if key not in self._sides:
             self._sides[key] = GoalSide(self.hand, self.admissibility, X_WO, goal)
-            self._count(self._sides[key].opened)
         return self._sides[key]
 
     def _gait(self, motion: ObjectMotion, rest: float, is_attitude: bool) -> Ends:

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.planning.adjustment_nodes import HELPERS, Entry, Node, change_stand
+from dexplan.planning.adjustment_nodes import Entry, Node, change_stand
 from dexplan.planning.layers import Layers
+from dexplan.planning.relocation_bound import RelocationBound
 from dexplan.planning.states import without_numbers
 from dexplan.planning.still import Stand
 from dexplan.scene.workspace import spread_directions
@@ -41,16 +42,13 @@ class AbstractStandSearch(ABC):
 
     layers: Layers
     is_simultaneous: bool = False
+    bound: RelocationBound = field(init=False)
     opened: int = field(default=0, init=False)
     _heap: list[Entry] = field(default_factory=list, init=False)
     _serial: int = field(default=0, init=False)
-    _refusals: dict[int, dict[str, int]] = field(default_factory=dict, init=False)
+    _refusals: dict[float, dict[str, int]] = field(default_factory=dict, init=False)
     _seen: set[tuple[int, Stand]] = field(default_factory=set, init=False)
     _likes: dict[tuple[object, ...], int] = field(default_factory=dict, init=False)
-
-    @abstractmethod
-    def _missing(self, node: Node) -> int:
-        """Return how many placements and lifts are missing at least."""
 
     @abstractmethod
     def _goals(self, layer: int, finger: int) -> list[int]:
@@ -74,14 +72,15 @@ class AbstractStandSearch(ABC):
         ``dearest``: a way that counts so much is known.
         """
         while self._heap and self.opened < node_budget:
-            node = heapq.heappop(self._heap).node
+            entry = heapq.heappop(self._heap)
+            node = entry.node
             if (node.layer, node.stand) in self._seen or self._bound(node) >= dearest:
                 continue
             # Grasps like those that led nowhere come later: small variations of one idea must not use up the budget.
             kind = self._kind(node)
-            if node.waited < (count := self._likes.get(kind, 0)):
-                node.waited = count
-                self._push(node, SAME * count)
+            node.waited = count = self._likes.get(kind, 0)
+            if self._rank(node) > entry.priority:
+                self._push(node)
                 continue
             if refusal := self._check(node):
                 self._refuse(refusal, node)
@@ -99,7 +98,7 @@ class AbstractStandSearch(ABC):
             None
             if s is None
             else "goal"
-            if (label := still.labels[s]) is not None and label < HELPERS
+            if still.labels[s] is not None
             else int(np.argmax(KINDS @ still.normal(s)))
             for s in node.stand
         )
@@ -110,11 +109,19 @@ class AbstractStandSearch(ABC):
         left = self.layers.last - node.layer
         return node.spent + (1.0 - HIDDEN) * self._missing(node) + CARRY_COST * left
 
-    def _push(self, node: Node, delay: float = 0.0) -> None:
+    def _missing(self, node: Node) -> float:
+        """Return how many placements and lifts are missing at least; inf where no way leads on."""
+        return self.bound.count_moves(node.layer, node.stand)
+
+    def _rank(self, node: Node) -> float:
         ahead = self._missing(node) + CARRY_COST * (self.layers.last - node.layer)
-        priority = node.spent + GREED * ahead + node.drawback + delay
-        heapq.heappush(self._heap, Entry(priority, self._serial, node))
-        self._serial += 1
+        return node.spent + GREED * ahead + node.drawback + SAME * node.waited
+
+    def _push(self, node: Node) -> None:
+        rank = self._rank(node)
+        if np.isfinite(rank):
+            heapq.heappush(self._heap, Entry(rank, self._serial, node))
+            self._serial += 1
 
     def _refuse(self, refusal: str, node: Node) -> None:
         """Count why ``node`` is no way on, among those that come as near to the goal."""
@@ -122,7 +129,7 @@ class AbstractStandSearch(ABC):
         if node.changed is not None:
             name, spot = self.layers.hand.fingers[node.changed].name, node.stand[node.changed]
             label = None if spot is None else self.layers.poses[node.layer].labels[spot]
-            is_goal = label is not None and label < HELPERS
+            is_goal = label is not None
             text = f"{name} cannot {'take its goal contact' if is_goal else 'be relocated'}, {text}"
         else:
             text = f"the object cannot be carried on, {text}"
@@ -134,6 +141,7 @@ class AbstractStandSearch(ABC):
         still = self.layers.poses[node.layer]
         row = still.judge(node.stand)
         if not row.is_admissible:
+            self.bound.refuse(node.layer, node.stand)
             return row.refusal
         if node.parent is not None and node.parent.layer != node.layer:
             _, refusal = self.layers.judge_carry(node.parent.layer, node.parent.stand, is_thorough=False)
