@@ -29,9 +29,9 @@ SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 
 DETOURS, AXES, MOST = (float(np.radians(15.0)), float(np.radians(30.0))), 12, 6
 """Turns [rad] about so many axes that lead to the goal from beside the straight way there; at most so many are tried."""
-PASSES = ((0, 1), (0, 2), (0, 4), (1, 2), (2, 2))
+PASSES = ((0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (0, 4))
 """Most ways lie near one another, and each gets one end of a gait at first."""
-TOGETHER = PASSES[3:]
+TOGETHER = ((1, 2), (2, 2))
 """Where fingers are to travel while the object moves the search needs some of the object's way."""
 WORK = 700
 """Work, as :class:`Stages` counts it, after which no further way is tried in one order."""

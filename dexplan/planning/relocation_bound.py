@@ -38,8 +38,8 @@ class RelocationBound:
         self._index: list[dict[bytes, int]] = [{} for _ in range(self._count)]
         self._within: list[list[set[int]]] = [[set() for _ in range(self._count)] for _ in layers.poses]
         self._dead: set[tuple[int, Pair, int, int]] = set()
-        self._distances: list[dict[Pair, Array]] = []
-        self._is_new = True
+        self._distances: list[dict[Pair, Array]] = [{} for _ in layers.poses]
+        self._stale = layers.last
         for layer, still in enumerate(layers.poses):
             for finger in range(self._count):
                 for spot in still.landings(finger):
@@ -58,7 +58,7 @@ class RelocationBound:
         if len(numbers) == 2:
             (a, i), (b, j) = numbers.items()
             self._dead.add((layer, (a, b), i, j))
-            self._is_new = True
+            self._stale = max(self._stale, layer)
 
     def count_moves(self, layer: int, stand: Stand) -> float:
         """Return how many placements and lifts are missing at least; inf where there is no way."""
@@ -66,8 +66,7 @@ class RelocationBound:
         numbers = self._numbers(layer, stand)
         if (self._is_early or layer == self._layers.last) and numbers in self._ends:
             return 0.0
-        if self._is_new:
-            self._solve()
+        self._solve()
         found = self._distances[layer]
         placements = min(
             (float(found[a, b][numbers[a], numbers[b]]) for a, b in combinations(numbers, 2)), default=NEVER
@@ -78,15 +77,14 @@ class RelocationBound:
 
     def count_pairs(self) -> int:
         """Return from how many pairs of places in the last pose there may be a way."""
-        if self._is_new:
-            self._solve()
+        self._solve()
         return sum(int(np.isfinite(rows).sum()) for rows in self._distances[-1].values())
 
     def _note(self, layer: int, stand: Stand) -> None:
         """Take contacts into account that are on no grid, there and in all later poses."""
         for finger, number in self._numbers(layer, stand).items():
             if number not in self._within[layer][finger]:
-                self._is_new = True
+                self._stale = self._layers.last
                 for within in self._within[layer:]:
                     within[finger].add(number)
 
@@ -100,11 +98,13 @@ class RelocationBound:
         if key not in known:
             known[key] = len(known)
             self._normals[finger].append(normal)
-            self._is_new = True
+            self._stale = self._layers.last
         return known[key]
 
     def _solve(self) -> None:
-        """Measure all distances, the last pose first."""
+        """Measure the distances that are out of date, in the last pose first."""
+        if self._stale < 0:
+            return
         layers, hand = self._layers, self._layers.hand
         normals = [np.array(rows).reshape(-1, 3) for rows in self._normals]
         centers = [
@@ -119,15 +119,16 @@ class RelocationBound:
             gap = np.linalg.norm(centers[a][:, None] - centers[b][None], axis=2)
             is_apart[a, b] = gap >= room
             holds[a, b] = (normals[a] @ normals[b].T < opposite) & is_apart[a, b]
-        later = {pair: np.full(rows.shape, NEVER) for pair, rows in holds.items()}
-        for end, pairs in zip(self._ends, self._roots.values(), strict=True):
-            for a, b in pairs:
-                later[a, b][end[a], end[b]] = len(end) - 2.0
-        distances = []
-        for layer in range(layers.last, -1, -1):
-            later = self._spread(layer, later, is_apart, holds)
-            distances.append(later)
-        self._distances, self._is_new = distances[::-1], False
+        if self._stale < layers.last:
+            later = self._distances[self._stale + 1]
+        else:
+            later = {pair: np.full(rows.shape, NEVER) for pair, rows in holds.items()}
+            for end, pairs in zip(self._ends, self._roots.values(), strict=True):
+                for a, b in pairs:
+                    later[a, b][end[a], end[b]] = len(end) - 2.0
+        for layer in range(self._stale, -1, -1):
+            later = self._distances[layer] = self._spread(layer, later, is_apart, holds)
+        self._stale = -1
 
     def _spread(
         self, layer: int, later: dict[Pair, Array], is_apart: dict[Pair, Bools], holds: dict[Pair, Bools]
@@ -153,18 +154,15 @@ class RelocationBound:
         while any(np.any(np.isfinite(rows) & (rows >= step)) for rows in found.values()):
             for a, b in self._pairs:
                 here = found[a, b] == step
-                for c in range(self._count):
-                    if c in (a, b) or not here.any():
-                        continue
-                    to_a, to_b = _between(apart, a, c), _between(apart, b, c)
+                if not here.any():
+                    continue
+                for c in (f for f in range(self._count) if f not in (a, b)):
                     # The third tip has room beside both; then one of the two can go.
-                    for stays, leaves, rows in ((a, to_b, here), (b, to_a, here.T)):
-                        new = ((rows.astype(np.float32) @ leaves.astype(np.float32)) > 0.0) & _between(
-                            apart, stays, c
-                        )
+                    for stays, goes, rows in ((a, b, here), (b, a, here.T)):
+                        new = (rows @ _between(apart, goes, c)) & _between(apart, stays, c)
                         pair, new = ((stays, c), new) if stays < c else ((c, stays), new.T)
-                        rows_there = found[pair]
-                        rows_there[new & free[pair] & (rows_there > step + 1.0)] = step + 1.0
+                        there = found[pair]
+                        there[new & free[pair] & (there > step + 1.0)] = step + 1.0
             step += 1.0
         whole = {pair: np.full(holds[pair].shape, NEVER) for pair in self._pairs}
         for pair in self._pairs:

@@ -34,8 +34,8 @@ GAIT_WORK = 6
 Passes = tuple[tuple[int, int], ...]
 """What is tried with every way in turn: which of the ``REST_ANGLES``, and from how many ends of gaits."""
 NO_MORE = "the search was given up before it"
-MOST_WORK = 3000
-"""Work that looking for one more end may take."""
+END_WORK, MORE_WORK = 3000, 120
+"""Work that looking for the first end of a gait may take, and for one more."""
 ENDS = 4
 """Ends of gaits from which an adjustment is tried."""
 REST_ANGLES = tuple(np.radians((0.0, 40.0, 80.0)).tolist())
@@ -270,7 +270,8 @@ class Stages:
     def _ask(self, ends: Ends, number: int, limit: float) -> End | None:
         """Return an end by its number, None where there is none; counts the work."""
         before = ends.opened
-        end = ends.get(number, int(min(limit - self.work, MOST_WORK)) // GAIT_WORK)
+        most = MORE_WORK if number else END_WORK
+        end = ends.get(number, int(min(limit - self.work, most)) // GAIT_WORK)
         self._count(ends.opened - before, GAIT_WORK)
         return end
 

@@ -48,6 +48,7 @@ class AbstractStandSearch(ABC):
     _serial: int = field(default=0, init=False)
     _refusals: dict[float, dict[str, int]] = field(default_factory=dict, init=False)
     _seen: set[tuple[int, Stand]] = field(default_factory=set, init=False)
+    _refused_places: dict[tuple[int, int | None, int | None], int] = field(default_factory=dict, init=False)
     _likes: dict[tuple[object, ...], int] = field(default_factory=dict, init=False)
 
     @abstractmethod
@@ -78,7 +79,8 @@ class AbstractStandSearch(ABC):
                 continue
             # Grasps like those that led nowhere come later: small variations of one idea must not use up the budget.
             kind = self._kind(node)
-            node.waited = count = self._likes.get(kind, 0)
+            count = self._likes.get(kind, 0)
+            node.waited = count + self._refused_places.get(self._place(node), 0)
             if self._rank(node) > entry.priority:
                 self._push(node)
                 continue
@@ -104,6 +106,10 @@ class AbstractStandSearch(ABC):
         )
         return (node.layer, *where)
 
+    def _place(self, node: Node) -> tuple[int, int | None, int | None]:
+        """Return the pose, and where a finger was put down there."""
+        return node.layer, node.changed, None if node.changed is None else node.stand[node.changed]
+
     def _bound(self, node: Node) -> float:
         """Return what a way through the node counts at least."""
         left = self.layers.last - node.layer
@@ -125,6 +131,9 @@ class AbstractStandSearch(ABC):
 
     def _refuse(self, refusal: str, node: Node) -> None:
         """Count why ``node`` is no way on, among those that come as near to the goal."""
+        place = self._place(node)
+        if place[-1] is not None:
+            self._refused_places[place] = self._refused_places.get(place, 0) + 1
         text = without_numbers(refusal)
         if node.changed is not None:
             name, spot = self.layers.hand.fingers[node.changed].name, node.stand[node.changed]
