@@ -138,5 +138,5 @@ def _can_return(stages: Stages, X_WO: Array, contacts: Contacts) -> bool:
 
 def _describe_tried(tried: int, chosen: int) -> str:
     """Return in how many attitudes the grasp was to be adjusted, in words."""
-    which = "the one attitude" if chosen == 1 else f"{tried} attitudes"
+    which = "one attitude" if chosen == 1 else f"{tried} attitudes"
     return f"tried in {which} in which the goal contacts lie within reach"

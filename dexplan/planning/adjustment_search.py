@@ -103,7 +103,7 @@ class AdjustmentSearch(AbstractStandSearch):
             return Adjustment(
                 build_moves(self.layers, best, self.side.goal, option), "", self.opened - before
             )
-        reason = self._dead_end or self.explain()
+        reason = self._dead_end or self.side.refusal or self.explain()
         if not self.is_exhausted:
             reason = f"{reason} ({self.opened} nodes were opened)"
         return Adjustment(None, reason, self.opened - before, is_exhausted=self.is_exhausted)

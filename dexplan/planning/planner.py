@@ -124,6 +124,8 @@ class _Planning:
     contacts: tuple[Placement | None, ...] = ()
     searches: list[GaitSearch] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
+    is_complete: bool = False
+    """Whether every route was begun, and none of the searches has anything left to try."""
 
     def __post_init__(self) -> None:
         self._admissibility = Admissibility(self.hand)
@@ -189,6 +191,7 @@ class _Planning:
         while (left := self.node_budget - int(self.statistics["nodes"])) > 0:
             search = self._choose_search(proposals)
             if search is None:
+                self.is_complete = True
                 return
             if (node := search.run(min(STRETCH, left))) is not None:
                 yield search, node
@@ -199,7 +202,7 @@ class _Planning:
         table = first.tables[0]
         if self.start is not None and not table.has_pair(self._find_held(table)):
             return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
-        if all(s.is_exhausted for s in self.searches):
+        if self.is_complete:
             return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first.reason)}")
         return self._refuse(
             "budget_exhausted",

@@ -23,7 +23,7 @@ APART = tuple(np.radians((25.0, 12.0)).tolist())
 WAY_WEIGHT = 0.15
 """How much a turn's own angle counts beside the angle between a contact and where its finger is at home."""
 REFUSALS = 60
-"""After so many turns within reach at which the goal grasp does not hold those that were found are enough; none is not."""
+"""After so many turns within reach that do not do those that were found are enough; none is not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +86,12 @@ class Turns:
                 if refusal := stages.refuse_goal(X_WO, contacts):
                     self.fault = self.fault or refusal
                     self.refused += 1
-                    if chosen and self.refused >= REFUSALS:
-                        return
+                elif may_end is None or may_end(X_WO, contacts):
+                    chosen.append(R)
+                    yield turn
                     continue
-                if may_end is not None and not may_end(X_WO, contacts):
-                    continue
-                chosen.append(R)
-                yield turn
+                if chosen and len(asked) - len(chosen) >= REFUSALS:
+                    return
 
 
 def _find_reachable(stages: Stages, goal: tuple[Array | None, ...] | None = None) -> Iterator[Turn]:

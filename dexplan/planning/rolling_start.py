@@ -38,9 +38,15 @@ def plan_object_manipulation(
         return plan
     rolling = RollToPair(hand, goal.X_WO_start, plan.start_contacts, Admissibility(hand))
     refused: list[Plan] = []
-    for option in islice(rolling.options(), OPTIONS):
+    left = node_budget - int(plan.statistics["nodes"])
+    for number, option in enumerate(islice(rolling.options(), OPTIONS)):
+        # One budget for all: what an option leaves is for those after it.
+        share = left // (OPTIONS - number)
+        if share < 1:
+            break
         after = tuple(None if c is None or c.finger == option.lifted else c.X_OF for c in option.contacts)
-        rest = plan_rotation(hand, goal, after, node_budget, primitives, improvement)
+        rest = plan_rotation(hand, goal, after, share, primitives, improvement)
+        left -= int(rest.statistics["nodes"])
         if rest.is_solved:
             return _join(hand, goal, plan, option, rest)
         refused.append(rest)

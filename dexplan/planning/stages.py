@@ -264,7 +264,8 @@ class Stages:
                 return ((), (), refused) if refused else ((*end.actions, *moves, *last), end.start, "")
             attempt.refused = f"no way from the grasp there to the goal grasp: {found.reason}"
             attempt.is_over = end is None
-            self.exhausted += attempt.is_over and found.is_exhausted and not begun[0].actions
+            if attempt.is_over and found.is_exhausted and not begun[0].actions and not side.refusal:
+                self.exhausted += 1
         return (), (), attempt.refused or NO_MORE
 
     def _ask(self, ends: Ends, number: int, limit: float) -> End | None:

@@ -24,7 +24,7 @@ from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 
 UP = np.array([0.0, 0.0, 1.0])
-BUDGET = 40
+BUDGET = 320
 
 
 @dataclass(frozen=True)
@@ -163,3 +163,12 @@ def test_a_search_that_was_cut_short_is_not_called_no_gait(
     assert len(seen) <= 1 + OPTIONS
     assert plan.status == "budget_exhausted"
     assert "raise gait.node_budget" in plan.reason
+
+
+def test_routes_that_were_not_begun_leave_the_answer_open(slippery: HandModel) -> None:
+    _, plan = ask(slippery, LIFTING_IS_ENOUGH)
+    lifted = plan.actions[1].finger
+    pair = tuple(None if f == lifted else n for f, n in enumerate(LIFTING_IS_ENOUGH.start))
+    goal = RotationGoal(slippery.object.X_WO_home, UP, float(np.radians(LIFTING_IS_ENOUGH.turn)))
+    assert plan_rotation(slippery, goal, pair, BUDGET).is_solved
+    assert plan_rotation(slippery, goal, pair, 1).status == "budget_exhausted"
