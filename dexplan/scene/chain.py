@@ -8,6 +8,7 @@ the tip's sphere, z towards its pole.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +38,16 @@ class Chain:
         for name in ("offsets", "axes", "X_JF", "lower", "upper"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
+    @cached_property
+    def turns(self) -> Array:
+        """Constant factors (J, 3, 9) of the hinges' turns, one beside the other.
+
+        By Rodrigues' formula the turn of joint j in the frame before is ``T[:, :3] + sin(q) T[:, 3:6] + (1 - cos(q)) T[:, 6:]``.
+        """
+        K = hat(self.axes)
+        R = self.offsets[:, :3, :3]
+        return read_only(np.concatenate([R, R @ K, R @ K @ K], axis=2))
+
     @property
     def n_joints(self) -> int:
         """Number of hinges J."""
@@ -58,20 +69,16 @@ class Chain:
 def _walk(chain: Chain, q: Array) -> tuple[Array, Array, Array, Array]:
     """Return tip rotations (N, 3, 3), tip positions (N, 3), hinge axes (N, J, 3) and hinge positions (N, J, 3), in W."""
     n = len(q)
-    R = np.broadcast_to(np.eye(3), (n, 3, 3)).reshape(-1, 3)
-    p = np.zeros((n, 3))
+    # Of all rotations the rows, one under the other: plain products with constants instead of n small ones.
+    R, p = np.tile(np.eye(3), (n, 1)), np.zeros((n, 3))
     axes, origins = np.empty((n, chain.n_joints, 3)), np.empty((n, chain.n_joints, 3))
-    for j in range(chain.n_joints):
-        offset, axis = chain.offsets[j], chain.axes[j]
-        R3 = R.reshape(n, 3, 3)
-        p = p + R3 @ offset[:3, 3]
+    sine, rest = np.repeat(np.sin(q), 3, axis=0), np.repeat(1.0 - np.cos(q), 3, axis=0)
+    for j, T in enumerate(chain.turns):
+        p = p + (R @ chain.offsets[j, :3, 3]).reshape(n, 3)
         origins[:, j] = p
-        axes[:, j] = R3 @ (offset[:3, :3] @ axis)
-        # Rodrigues' formula with constant right factors: three plain products instead of n small ones.
-        K = hat(axis)
-        s, c = np.repeat(np.sin(q[:, j]), 3)[:, None], np.repeat(1.0 - np.cos(q[:, j]), 3)[:, None]
-        base = R @ offset[:3, :3]
-        R = base + s * (base @ K) + c * (base @ (K @ K))
+        turned = R @ T
+        axes[:, j] = (turned[:, :3] @ chain.axes[j]).reshape(n, 3)
+        R = turned[:, :3] + sine[:, j, None] * turned[:, 3:6] + rest[:, j, None] * turned[:, 6:]
     R3 = R.reshape(n, 3, 3)
     return R3 @ chain.X_JF[:3, :3], p + R3 @ chain.X_JF[:3, 3], axes, origins
 
