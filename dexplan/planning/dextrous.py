@@ -127,7 +127,7 @@ def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Cal
     which enough relocations overlap come first.
     """
     plans = [_plan_in_order(stages, goal, (1.0,), WORK // 3, is_simultaneous=True)]
-    plans += [_plan_in_order(stages, goal, shares) for shares in ((1.0,), SHARES)]
+    plans += [_plan_in_order(stages, goal, shares, WORK // 2) for shares in ((1.0,), SHARES)]
     solved = [overlap_travel(stages.hand, plan) for plan in plans if plan.is_solved]
     if not solved:
         return plans[0]
