@@ -1,11 +1,12 @@
 """``--set KEY=VALUE``: replace one value of a problem file by a dotted key.
 
 Keys are written as in TOML (``goal.rotation.angle_deg``, ``hand.joint_ranges_deg."finger_1.joint_1"``),
-entries of lists by their number (``hand.tip_radii_m.1``), values as in TOML.
+entries of lists by their number (``hand.tip_radii_m.1``), values as in TOML; a bare word is text, for shells take quotes away.
 """
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import Any
 
@@ -14,6 +15,7 @@ from dexplan.problems.problem import GoalSection, Problem
 from dexplan.problems.rules import spell
 
 OPTION = "--set"
+WORD = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
 def parse_assignment(text: str) -> tuple[str, object]:
@@ -86,12 +88,14 @@ def _parse_key(dotted_key: str, source: str) -> list[str]:
 
 
 def _parse_value(key: str, text: str) -> object:
-    """Return the TOML value in ``text``, which may hold nothing else."""
+    """Return the TOML value in ``text``, which may hold nothing else, or the bare word that it is."""
     try:
         tree = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
         tree = {}
     if set(tree) != {"value"}:
-        accepted = 'accepted: a TOML value such as 90, true, "text" or [1.0, 2.0]'
+        if WORD.fullmatch(text):
+            return text
+        accepted = "accepted: a TOML value such as 90, true or [1.0, 2.0], or a word"
         raise ProblemError(OPTION, key, f"{spell(text)} is no value", accepted)
     return tree["value"]

@@ -124,6 +124,12 @@ def test_set_override_takes_toml_values_and_list_entries() -> None:
     assert parse_assignment("a.b = [1, 'x=y']") == ("a.b", [1, "x=y"])
 
 
+def test_a_bare_word_is_text_for_shells_take_quotes_away() -> None:
+    assert parse_assignment("goal.order=grasp_first") == ("goal.order", "grasp_first")
+    assert parse_assignment("goal.order='grasp_first'") == ("goal.order", "grasp_first")
+    assert parse_assignment("goal.keep_object=true") == ("goal.keep_object", True)
+
+
 BAD_TEXT = {
     "": "is empty",
     "format = 1\n": "goal: missing",
@@ -287,7 +293,7 @@ def test_limits_may_be_replaced_but_not_invented() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "x", "=1", "a.b=", "a b=1", "a=b", "a=1\nc=2", "a[0]=1", "a#=1", "a..b=1"]
+    "text", ["", "x", "=1", "a.b=", "a b=1", "a=b c", "a=[b]", "a=1\nc=2", "a[0]=1", "a#=1", "a..b=1"]
 )
 def test_malformed_assignments(text: str) -> None:
     with pytest.raises(ProblemError, match="accepted:"):
