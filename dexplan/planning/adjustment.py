@@ -106,7 +106,7 @@ def plan_grasp_adjustment(
             KIND,
             stay,
             "no_adjustment",
-            stages.explain_end(f"{why} ({_describe_tried(done.tried, len(chosen))})") + last,
+            stages.explain_end(why, _describe_tried(done.tried, len(chosen))) + last,
         )
     if turns.fault:
         return stages.refuse(

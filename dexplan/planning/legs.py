@@ -7,6 +7,7 @@ line for a shift.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class Leg:
                 "a leg either turns or shifts the object; one of angle and shift_W has to be zero"
             )
 
-    @property
+    @cached_property
     def is_shift(self) -> bool:
         """Whether the object is shifted; else it turns, or stays."""
         return bool(np.any(self.shift_W))
@@ -54,19 +55,19 @@ class Leg:
         """+1 or -1: which way stations are passed through."""
         return 1 if self.angle >= 0.0 else -1
 
-    @property
+    @cached_property
     def stations(self) -> int:
         """Stations of the whole leg; the last of a turn may be a short one."""
         if self.is_shift:
             return max(2, int(np.ceil(np.linalg.norm(self.shift_W) / SHIFT_STEP - 1e-9)))
         return int(np.ceil(abs(self.angle) / STEP - 1e-9))
 
-    @property
+    @cached_property
     def track_length(self) -> int:
         """Number of stations K that a contact may be at: all around the axis, or from end to end of a shift."""
         return self.stations + 1 if self.is_shift else CIRCLE
 
-    @property
+    @cached_property
     def motions(self) -> tuple[Array, Array]:
         """Rotations (K, 3, 3) about the centre and shifts (K, 3) [m] that take a contact from station 0 to every station."""
         count = self.track_length

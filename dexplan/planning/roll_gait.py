@@ -109,11 +109,12 @@ def end_placement(roll: Roll, placement: Placement, q: Array) -> Placement:
 
 
 def judge_ways(
-    hand: HandModel, admissibility: Admissibility, X_WO: Array, ways: dict[int, Array]
+    hand: HandModel, admissibility: Admissibility, X_WO: Array, ways: dict[int, Array], explain: bool = False
 ) -> tuple[list[Margins], str]:
     """Return the margins of holding the object at ``X_WO`` (4, 4) with all fingers of ``ways`` along their postures (K, J).
 
-    Stops at the first sample that is refused, with the refusal ("" where there is none); the end is asked first.
+    Stops at the first sample that is refused, with the refusal ("" where there is none); the end is asked first.  ``explain``:
+    a refusal for the load names what is short, which takes longer than the rest.
     """
     states = {i: compute_finger_states(hand, i, way) for i, way in ways.items()}
     count = len(next(iter(ways.values())))
@@ -123,7 +124,7 @@ def judge_ways(
         for finger, way in ways.items():
             q[finger] = way[k]
         here = {i: rows_i[k] for i, rows_i in states.items()}
-        rows.append(admissibility.compute_margins_of(here, q, X_WO))
+        rows.append(admissibility.compute_margins_of(here, q, X_WO, explain=explain))
         if not rows[-1].is_admissible:
             return rows, rows[-1].refusal
     return rows, ""
@@ -138,6 +139,7 @@ class RollToPair:
     contacts: tuple[Placement | None, ...]
     admissibility: Admissibility
     refusals: dict[str, int] = field(default_factory=dict)
+    _first_refused: dict[str, dict[int, Array]] = field(default_factory=dict)
 
     def options(self) -> Iterator[RollPlan]:
         """Yield admissible rolls, pairs in the order of their straight-line distance, the smallest opening first."""
@@ -149,8 +151,14 @@ class RollToPair:
 
     def explain(self) -> str:
         """Return the most common reasons why a way was refused."""
-        common = sorted(self.refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
-        return "; ".join(text for text, _ in common) or "no pair of contacts can be opened far enough"
+        common = sorted(self.refusals, key=lambda text: (-self.refusals[text], text))[:2]
+        named = (
+            judge_ways(self.hand, self.admissibility, self.X_WO, self._first_refused[text], explain=True)[1]
+            if text in self._first_refused
+            else text
+            for text in common
+        )
+        return "; ".join(named) or "no pair of contacts can be opened far enough"
 
     def _open(self, a: Placement, b: Placement, third: Placement) -> Iterator[RollPlan]:
         limits = self.hand.limits
@@ -176,6 +184,13 @@ class RollToPair:
                 self._refuse(refusal)
         return None
 
+    def _judge(self, ways: dict[int, Array]) -> tuple[list[Margins], str]:
+        """Judge ways; note the first of every kind that is refused."""
+        rows, refusal = judge_ways(self.hand, self.admissibility, self.X_WO, ways)
+        if refusal:
+            self._first_refused.setdefault(refusal, ways)
+        return rows, refusal
+
     def _refuse(self, refusal: str) -> None:
         self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
 
@@ -185,7 +200,7 @@ class RollToPair:
         """Return the rolls that open the pair by ``wider`` [rad], its postures (K, J) on the way, and why it fails ("")."""
         count = max(16, int(np.ceil(0.5 * wider / STEP)) + 1)
         rolls: list[Roll] = []
-        ways, q = {x.finger: np.repeat(x.q[None], count, axis=0) for x in (a, b)}, self.hand.q_home
+        ways = {x.finger: np.repeat(x.q[None], count, axis=0) for x in (a, b)}
         for x, y in ((a, b), (b, a)):
             if wider > 0.0:
                 roll = build_roll(self.hand, x, -y.normal_O, 0.5 * wider, count)
@@ -193,9 +208,7 @@ class RollToPair:
                 if refusal:
                     return rolls, ways, refusal
                 rolls.append(roll)
-            q[x.finger] = ways[x.finger][-1]
-        alone = self.admissibility.compute_margins(q, self.X_WO, tuple(sorted(ways)))
-        return rolls, ways, alone.refusal
+        return rolls, ways, self._judge({finger: way[-1:] for finger, way in ways.items()})[1]
 
     def _try(
         self,
@@ -219,7 +232,7 @@ class RollToPair:
             ways[third.finger], refusal = follow_roll(self.hand, self.X_WO, rolls[-1], third.q)
             if refusal:
                 return None, refusal
-        rows, refusal = judge_ways(self.hand, self.admissibility, self.X_WO, ways)
+        rows, refusal = self._judge(ways)
         if refusal:
             return None, refusal
         contacts = list(self.contacts)

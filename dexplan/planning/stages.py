@@ -130,15 +130,20 @@ class Stages:
         stand = tuple(None if c is None else still.add(c) for c in contacts)
         return still.judge(stand).refusal
 
-    def explain_end(self, why: str) -> str:
-        """Return ``why`` with what would help; where everything was tried from the start grasp, friction is what was short."""
+    def explain_end(self, why: str, tried: str = "") -> str:
+        """Return ``why``, what was ``tried``, and what would help.
+
+        Where everything was tried from the start grasp, friction is what was short.
+        """
+        cure = suggest_cure(why)
+        why = f"{why} ({tried})" if tried else why
         if not self.exhausted:
-            return f"{why}; {suggest_cure(why)}"
+            return f"{why}; {cure}"
         apart = np.degrees(np.arccos(StillContacts(self.hand, self.X_WO, self.admissibility).opposite))
         return (
             f"{why}; every grasp that the start grasp leads to was tried, and with the believed friction two fingers hold alone "
             f"only where they are {apart:.0f} deg or more apart; raise the friction, lower friction.safety, choose another start "
-            f"grasp, or {suggest_cure(why)}"
+            f"grasp, or {cure}"
         )
 
     def run(

@@ -53,14 +53,14 @@ class Chain:
         """Number of hinges J."""
         return len(self.axes)
 
-    @property
+    @cached_property
     def has_tip_roll(self) -> bool:
         """Whether the last hinge turns the tip about its own pole, so that spin about the pole is that joint's angle."""
         axis_F = self.X_JF[:3, :3].T @ self.axes[-1]
         arm = np.cross(self.axes[-1], self.X_JF[:3, 3])
         return bool(abs(abs(axis_F[2]) - 1.0) < 1e-9 and np.linalg.norm(arm) < 1e-9)
 
-    @property
+    @cached_property
     def roll_sign(self) -> float:
         """+1 where the last hinge turns the tip positively about its pole, -1 where negatively."""
         return float(np.sign(self.X_JF[:3, 2] @ self.axes[-1]))
