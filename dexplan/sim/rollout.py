@@ -62,7 +62,7 @@ def rollout(
         probe.ctrl[:] = command.ctrl
         mujoco.mj_forward(model, probe)
         _record(rows, scene, data, command, read_touches(scene, probe))
-        failure = command.failure or _find_failure(scene, data)
+        failure = command.failure or _find_failure(scene, data, command.X_WO_ref)
         if command.is_done or failure:
             break
         mujoco.mj_step(model, data, nstep=steps)
@@ -80,6 +80,8 @@ def rollout(
     )
 
 
+FALLEN = 0.05
+"""An object so far under its reference [m] was dropped."""
 _COLUMNS = (
     "time",
     "qpos",
@@ -199,10 +201,10 @@ def _record(
         rows[name].append(value)
 
 
-def _find_failure(scene: Scene, data: mujoco.MjData) -> str | None:
+def _find_failure(scene: Scene, data: mujoco.MjData, X_WO_ref: Array) -> str | None:
     height = data.qpos[scene.object_qpos + 2]
     if not np.isfinite(data.qpos).all():
         return "the simulation diverged"
-    if height < scene.object.X_WO_home[2, 3] - 0.05:
+    if height < X_WO_ref[2, 3] - FALLEN:
         return "the object was dropped"
     return None

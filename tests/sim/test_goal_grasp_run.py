@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dexplan import pipeline
 from dexplan.problems.read import load_problem
+from dexplan.sim.rollout import FALLEN
 from dexplan.sim.validate import ValidationReport
 
 PAIR = [[-38.0, 0.0], [102.0, 0.0], "free"]
@@ -53,3 +54,12 @@ def test_the_object_is_shifted_and_turned_while_a_finger_travels() -> None:
     assert found["position_error_final"] < 0.3
     assert found["rotation_error_final"] < 0.5
     assert found["contact_error_final"] < 1.5
+
+
+def test_the_object_is_put_down_far_below_where_it_was() -> None:
+    """An object that is lowered as far as one falls before it counts as dropped is not dropped."""
+    kinds, report = run({"kind": "object_manipulation", "translation_m": [0.0, 0.0, -1.1 * FALLEN]})
+    assert "move_object" in kinds
+    found = values(report)
+    assert found["position_error_final"] < 0.3
+    assert found["not_dropped"] < 0.5
