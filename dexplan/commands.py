@@ -59,7 +59,7 @@ def inspect(name: str, assignments: Sequence[str], out: Path | None) -> int:
     problem, folder = _read(name, assignments, out)
     from dexplan import pipeline
 
-    with _keeping_evidence(folder, problem):
+    with _keeping_evidence(folder, problem), _refusing_unwritable(folder):
         findings = pipeline.inspect(problem, folder)
     if findings is not None:
         print(findings)
@@ -164,12 +164,25 @@ def _check_run_folder(folder: Path) -> None:
 
 def _open_folder(folder: Path) -> None:
     """Make the folder, and take an older run's files out of it."""
-    try:
+    with _refusing_unwritable(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name in RUN_FILES:
             (folder / name).unlink(missing_ok=True)
+
+
+@contextmanager
+def _refusing_unwritable(folder: Path) -> Iterator[None]:
+    """Turn an operating system's refusal to write ``folder``, or to make it or a folder above, into a sentence.
+
+    Permissions, which were looked at before, do not tell everything: there are read-only places, and some that are no real
+    folders.  A refusal elsewhere is a defect and stays what it is.
+    """
+    try:
+        yield
     except OSError as error:
-        # Permissions do not tell everything: there are read-only places, and some that are no real folders.
+        place, asked = Path(str(error.filename)).absolute(), folder.absolute()
+        if error.filename is None or not (place.is_relative_to(asked) or asked.is_relative_to(place)):
+            raise
         fact = f"{str(folder)!r} cannot be written ({error.strerror})"
         raise ProblemError("--out", "", fact, "accepted: a folder that can be written") from error
 
