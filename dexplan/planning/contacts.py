@@ -22,7 +22,13 @@ from dexplan.planning.legs import STEP, Leg
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.orbits import Orbit, build_fixed_orbit, build_orbits
 from dexplan.planning.plan import Placement
-from dexplan.planning.regions import ORDER_GAP, compute_pair_angle_max, compute_regions
+from dexplan.planning.regions import (
+    ORDER_GAP,
+    compute_opposition,
+    compute_pair_angle_max,
+    compute_regions,
+    describe_separation,
+)
 from dexplan.planning.theorems import check_theorem_1
 from dexplan.spatial import Array, invert_pose
 
@@ -222,10 +228,7 @@ class ContactTable:
 
     def needed_angle(self) -> str:
         """Return in words what two contacts need for force closure."""
-        angle = np.degrees(np.pi - 2.0 * self.beta_max)
-        return (
-            f"{angle:.1f} deg or more apart, as force closure with the believed friction and a margin needs"
-        )
+        return describe_separation(self.beta_max, self.hand.friction.sliding)
 
     def allows(self, normals: Array, done: int) -> NDArray[np.bool_]:
         """Return whether contacts along ``normals`` (..., 3) in W may be made (...) when the leg has come to ``done``."""
@@ -279,7 +282,7 @@ class ContactTable:
         if not len(rows.orbit):
             return nothing, nothing
         cosine = rows.normals @ -self.normal(one.keep)
-        ok = cosine > np.cos(2.0 * self.beta_max)
+        ok = cosine > compute_opposition(self.beta_max)
         if self.hand.object.allowed_regions:
             ok &= self.allows(rows.normals, one.done)
         if self.leg.is_shift:
@@ -364,7 +367,7 @@ class ContactTable:
             i, j = (m.ravel() for m in np.meshgrid(chosen[a], chosen[b], indexing="ij"))
             cosine = -(one.normals[i] * two.normals[j]).sum(1)
             promise = np.minimum(np.minimum(one.carry[i], two.carry[j]), max(self.stations, 1))
-            ok = (cosine > np.cos(2.0 * self.beta_max)) & (promise >= min(1, self.stations))
+            ok = (cosine > compute_opposition(self.beta_max)) & (promise >= min(1, self.stations))
             ok &= self.keep_order(self.with_free({a: one.normals[i], b: two.normals[j]}))
             i, j, cosine, promise = i[ok], j[ok], cosine[ok], promise[ok]
             quick = promise - 8.0 * np.arccos(np.clip(cosine, -1.0, 1.0)) / (2.0 * self.beta_max)
