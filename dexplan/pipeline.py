@@ -123,7 +123,9 @@ def plan(problem: Problem) -> Plan:
         return plan_object_manipulation(hand, goal, start, *means, build_improvement(problem))
     wanted = compute_contact_directions(asked.contacts_deg)
     if asked.kind == "grasp_adjustment":
-        return plan_grasp_adjustment(hand, X_WO, start, wanted, *means, asked.keep_object)
+        return plan_grasp_adjustment(
+            hand, X_WO, start, wanted, *means, asked.keep_object, build_improvement(problem)
+        )
     timing = build_timing(problem)
     return plan_dextrous_manipulation(
         hand,
@@ -133,6 +135,7 @@ def plan(problem: Problem) -> Plan:
         *means,
         order=asked.order,
         compute_duration=lambda found: build_reference(found, scene.fingers, timing).duration,
+        improvement=build_improvement(problem),
     )
 
 

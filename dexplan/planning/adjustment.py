@@ -13,12 +13,13 @@ from typing import Literal
 import numpy as np
 
 from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
+from dexplan.planning.cost import Improvement
 from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts
 from dexplan.planning.plan import Plan
-from dexplan.planning.planner import Start
+from dexplan.planning.planner import FIRST, Start
 from dexplan.planning.reorient import Turns
 from dexplan.planning.stages import Stages, rest_at
 from dexplan.spatial import Array
@@ -40,14 +41,16 @@ def plan_grasp_adjustment(
     node_budget: int,
     primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
     keep_object: bool = False,
+    improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan after which every finger touches at its goal contact.
 
     The object stays at ``X_WO`` (4, 4) if that is possible; else it is turned by the smallest turn that helps, and, with
-    ``keep_object``, brought back by the goal grasp.  No plan is an answer with a status: ``goal_contacts_unreachable``,
-    ``goal_grasp_inadmissible``, ``no_adjustment``, or one of those that refuse a start.
+    ``keep_object``, brought back by the goal grasp.  ``improvement`` says how long other turns are tried then for a plan that
+    costs less.  No plan is an answer with a status: ``goal_contacts_unreachable``, ``goal_grasp_inadmissible``,
+    ``no_adjustment``, or one of those that refuse a start.
     """
-    stages = Stages(hand, X_WO, start, goal, node_budget, primitives)
+    stages = Stages(hand, X_WO, start, goal, node_budget, primitives, improvement)
     stay = RotationGoal(X_WO, VERTICAL, 0.0)
     if stages.start_refusal:
         return stages.refuse(KIND, stay, stages.hold.status, stages.hold.reason)

@@ -80,6 +80,11 @@ class AdjustmentSearch(AbstractStandSearch):
         self._dead_end = self._begin(number, start)
         return None
 
+    def count_moves(self, start: Contacts) -> float:
+        """Return how many placements and lifts it takes at least from a grasp that has not been added."""
+        first = self.layers.poses[0]
+        return self.bound.count_moves(0, tuple(None if c is None else first.add(c) for c in start))
+
     def run(self, node_budget: int) -> Adjustment:
         """Return the moves, fewest first as far as the search's greed allows; at most so many nodes are opened in all."""
         before = self.opened

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from dexplan.planning.plan import Action
+
 ROOM = 5.0
 """Clearance [mm] from which on more of it is worth nothing."""
 
@@ -51,4 +55,15 @@ def compute_cost(
         + weights.turn * (turned + shifted / SHIFT)
         + weights.load * load
         + weights.clearance * max(0.0, 1.0 - clearance / ROOM)
+    )
+
+
+def compute_actions_cost(weights: CostWeights, actions: Sequence[Action]) -> float:
+    """Return the cost of a plan's actions, or of some of them."""
+    return compute_cost(
+        weights,
+        sum(a.kind == "place" for a in actions),
+        sum(abs(a.angle) for a in actions),
+        sum(float(np.linalg.norm(a.X_WO_end[:3, 3] - a.X_WO_start[:3, 3])) for a in actions),
+        [a.margins for a in actions],
     )

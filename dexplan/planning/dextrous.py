@@ -13,12 +13,13 @@ from typing import Literal
 import numpy as np
 
 from dexplan.planning.coordinated import ObjectMotion
+from dexplan.planning.cost import Improvement
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.hand import HandModel
 from dexplan.planning.overlap import overlap_travel
 from dexplan.planning.plan import Plan
-from dexplan.planning.planner import Start
+from dexplan.planning.planner import FIRST, Start
 from dexplan.planning.stages import Stages
 from dexplan.scene.workspace import spread_directions
 
@@ -48,14 +49,19 @@ def plan_dextrous_manipulation(
     primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
     order: Order = "object_first",
     compute_duration: Callable[[Plan], float] | None = None,
+    improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan after which the object is at ``goal`` and every finger at its goal contact.
 
     ``contacts``: outward normals in object axes, None for a finger that has to be free.  ``compute_duration`` tells how long a
-    plan takes [s]; the order "simultaneous" takes the shortest it finds, and counts actions where there is none.  No plan is an
+    plan takes [s]; the order "simultaneous" takes the shortest it finds, and counts actions where there is none.
+    ``improvement`` says how long other ways are tried for a plan that costs less.  No plan is an
     answer with a status: those of a grasp adjustment, or ``no_dextrous_plan``.
     """
-    stages = Stages(hand, goal.X_WO_start, start, contacts, node_budget, primitives)
+    if order == "simultaneous":
+        # Three searches vie for the shortest time already.
+        improvement = FIRST
+    stages = Stages(hand, goal.X_WO_start, start, contacts, node_budget, primitives, improvement)
     if stages.start_refusal:
         return stages.refuse(KIND, goal, stages.hold.status, stages.hold.reason)
     status, reason = refuse_goal_contacts(hand, contacts)

@@ -15,6 +15,7 @@ import numpy as np
 from dexplan.planning.adjustment_search import AdjustmentSearch
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
+from dexplan.planning.cost import Improvement, compute_actions_cost
 from dexplan.planning.ends import Beginning, End, Ends, choose_beginnings
 from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, suggest_cure
@@ -22,7 +23,7 @@ from dexplan.planning.goal_side import GoalSide
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions
 from dexplan.planning.plan import SOLVED, Action, GoalContact, Placement, Plan
-from dexplan.planning.planner import Start, plan_rotation
+from dexplan.planning.planner import FIRST, Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.still import StillContacts, build_landings
 from dexplan.spatial import Array
@@ -31,6 +32,8 @@ SEARCH_BUDGET = 160
 """Nodes that one search for an adjustment may open."""
 GAIT_WORK = 6
 """A node of the gait before it takes so many times as long."""
+AGAIN = 30
+"""Better plans are looked for with at least so much work, times what ``gait.improvement`` says."""
 Passes = tuple[tuple[int, int], ...]
 """What is tried with every way in turn: which of the ``REST_ANGLES``, and from how many ends of gaits."""
 NO_MORE = "the search was given up before it"
@@ -51,6 +54,7 @@ class _Attempt:
 
     search: AdjustmentSearch
     ends: Ends
+    asked: int = 0
     begun: list[End] = field(default_factory=list)
     refused: str = ""
     is_over: bool = False
@@ -84,6 +88,7 @@ class Stages:
     goal: GoalContacts
     node_budget: int
     primitives: tuple[Literal["substitution", "rewind"], ...]
+    improvement: Improvement = FIRST
     opened: int = 0
     work: int = 0
     exhausted: int = 0
@@ -157,13 +162,15 @@ class Stages:
         limit: float = np.inf,
         rests: tuple[float, ...] | None = None,
         ends: int = ENDS,
+        dearest: float = np.inf,
     ) -> tuple[tuple[Action, ...], Contacts, str]:
         """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
         ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
         ``budget`` bounds the nodes of every search, ``limit`` the work done before one is begun; ``rests`` are the shares of
         ``before`` that are left to it, by default those of :func:`choose_rests`; ``ends``: from so many ends of gaits it is
-        tried.  Asked again for the same way with more of them, it goes on where it stopped.
+        tried.  Asked again for the same way with more of them, it goes on where it stopped.  ``dearest``: what costs as much for
+        sure is left out.
         Returns the actions (none where it fails), the start contacts, and why it fails.
         """
         X_WO = after.X_WO_start
@@ -185,7 +192,7 @@ class Stages:
             if self.work >= limit:
                 break
             actions, start, refused = self._adjust(
-                side, before, rest, after, is_attitude, is_simultaneous, budget, limit, ends
+                side, before, rest, after, is_attitude, is_simultaneous, budget, limit, ends, dearest
             )
             if not refused:
                 return actions, start, ""
@@ -200,11 +207,13 @@ class Stages:
         is_attitude: bool,
         is_simultaneous: bool,
     ) -> Outcome:
-        """Plan the first of ``ways``, each as for :meth:`run`, that comes to the goal: little is tried with all, then more.
+        """Plan one of ``ways``, each as for :meth:`run`, that comes to the goal: little is tried with all, then more.
 
-        ``passes`` say how much; no way is begun after so much ``work``.
+        ``passes`` say how much; no way is begun after so much ``work``.  Once one has come there, ways that might cost less are
+        tried for as long again as ``improvement`` says.
         """
-        why, tried, limit = "", set[int](), self.work + work
+        why, tried, begun = "", set[int](), self.work
+        limit, cheapest, best = begun + work, np.inf, None
         for k, ends in passes:
             for number, (before, after) in enumerate(ways):
                 rests = choose_rests(before)[k : k + 1]
@@ -219,11 +228,17 @@ class Stages:
                     limit=limit,
                     rests=rests,
                     ends=ends,
+                    dearest=cheapest,
                 )
-                if not refused:
-                    return Outcome(actions, first, "", number, len(tried))
-                why = min((why, refused) if why else (refused,), key=_rank_refusal)
-        return Outcome((), (), why or NO_MORE, None, len(tried))
+                if refused:
+                    why = min((why, refused) if why else (refused,), key=_rank_refusal)
+                    continue
+                if best is None:
+                    more = self.improvement.share * max(self.work - begun, AGAIN)
+                    limit = min(limit, int(self.work + more))
+                if (cost := compute_actions_cost(self.improvement.weights, actions)) < cheapest:
+                    cheapest, best = cost, Outcome(actions, first, "", number, len(tried))
+        return best or Outcome((), (), why or NO_MORE, None, len(tried))
 
     def _adjust(
         self,
@@ -236,6 +251,7 @@ class Stages:
         budget: int,
         limit: float,
         ends: int,
+        dearest: float,
     ) -> tuple[tuple[Action, ...], Contacts, str]:
         """Plan one way as in :meth:`run`, the last share ``rest`` of ``before`` left to the search that adjusts the grasp.
 
@@ -249,10 +265,13 @@ class Stages:
             self._attempts[key] = _Attempt(search, self._gait(before, rest, is_attitude))
         attempt = self._attempts[key]
         search, begun = attempt.search, attempt.begun
-        while len(begun) < ends and not attempt.is_over and self.work < limit:
-            end = self._ask(attempt.ends, len(begun), limit)
+        while attempt.asked < ends and not attempt.is_over and self.work < limit:
+            end = self._ask(attempt.ends, attempt.asked, limit)
+            attempt.asked += 1
             found = None
             if end is not None:
+                if self._bound(search, end) >= dearest:
+                    continue
                 begun.append(end)
                 found = search.begin(end.contacts)
             elif not begun:
@@ -272,6 +291,14 @@ class Stages:
             if attempt.is_over and found.is_exhausted and not begun[0].actions and not side.refusal:
                 self.exhausted += 1
         return (), (), attempt.refused or NO_MORE
+
+    def _bound(self, search: AdjustmentSearch, end: End) -> float:
+        """Return what a plan that goes on from an end of a gait costs at least."""
+        weights, moves = self.improvement.weights, search.count_moves(end.contacts)
+        if not np.isfinite(moves):
+            return 0.0
+        ahead = weights.placement * np.ceil(0.5 * moves) + weights.turn * abs(search.layers.motion.angle)
+        return float(compute_actions_cost(weights, end.actions) + ahead)
 
     def _ask(self, ends: Ends, number: int, limit: float) -> End | None:
         """Return an end by its number, None where there is none; counts the work."""

@@ -13,7 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dexplan import pipeline
-from dexplan.planning.cost import ROOM, SHIFT, CostWeights, Improvement, compute_cost
+from dexplan.planning.cost import (
+    ROOM,
+    SHIFT,
+    CostWeights,
+    Improvement,
+    compute_actions_cost,
+    compute_cost,
+)
 from dexplan.planning.gaits import Step
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
@@ -22,6 +29,7 @@ from dexplan.planning.plan import Plan
 from dexplan.planning.planner import plan_rotation
 from dexplan.planning.search import GaitSearch, Node
 from dexplan.problems.problem import Problem
+from dexplan.problems.read import load_problem
 from dexplan.witness.attitudes import Question, draw_questions
 
 BUDGET = 2000
@@ -176,3 +184,17 @@ def test_no_plan_costs_nothing(hand: HandModel, full_turn: Plan) -> None:
     assert plan.status == "budget_exhausted"
     assert plan.statistics.keys() == {"nodes", "states_checked", "routes"}
     assert plan.statistics["nodes"] == 1
+
+
+def test_ways_to_a_goal_grasp_are_tried_on_while_that_is_asked_for() -> None:
+    plans = [
+        pipeline.plan(
+            load_problem("fig5_dextrous", {"goal.order": "object_first", "gait.improvement": share})
+        )
+        for share in (0.0, 1.0)
+    ]
+    assert all(plan.is_solved for plan in plans)
+    nodes = [plan.statistics["nodes"] for plan in plans]
+    assert nodes[0] < nodes[1]
+    costs = [compute_actions_cost(CostWeights(), plan.actions) for plan in plans]
+    assert costs[1] < costs[0]
