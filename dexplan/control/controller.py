@@ -239,8 +239,8 @@ class Controller:
         X_OW = invert_pose(observation.X_WO)
         for i in phase.holding:
             X_OF = X_OW @ self._X_WF[i]
-            if i in phase.rolls:
-                s, _, _ = phase.object_path.progress(t)
+            s, _, _ = phase.object_path.progress(t)
+            if i in phase.rolls and s < 1.0:
                 self._offsets[i] = self._offsets[i].relaxed(phase.rolls[i], s, X_OF, share)
                 continue
             carried = self._carried[i]
@@ -250,9 +250,9 @@ class Controller:
 
     def _follow(self, phase: Phase, t: float, X_WO_aim: Array) -> tuple[Array, float, bool]:
         """Aim every fingertip for the end of this tick and let mink move the commanded posture there."""
-        s, _, _ = phase.object_path.progress(t + TICK)
+        before, s = (phase.object_path.progress(now)[0] for now in (t, t + TICK))
         for i in phase.holding:
-            if i in phase.rolls:
+            if i in phase.rolls and before < 1.0:
                 self._carried[i] = self._offsets[i].apply(phase.rolls[i], s)
             self._targets[i] = X_WO_aim @ self._carried[i]
         if phase.finger is not None and phase.finger not in phase.holding:

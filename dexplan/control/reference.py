@@ -59,6 +59,8 @@ class Timing:
     """Greatest speed of the object's centre [m/s]."""
     roll_speed: float = float(np.radians(60.0))
     """Greatest angular speed of a rolling fingertip relative to the object [rad/s]."""
+    roll_settle: float = 0.3
+    """After a roll tips give way to what it has left them pressing sideways; so long it is still part of the roll."""
     drift: float = 15e-6
     """Greatest drift of a carried contact [m/s] that a motion may cause, see ``contact_time``."""
     contact_time: float = 1e-3
@@ -273,7 +275,8 @@ class _PhaseBuilder:
         duration = max(cruise + timing.ramp, 2.0 * timing.ramp)
         path = ObjectPath(action.X_WO_start, action.axis_W, action.angle, shift, duration, timing.ramp)
         rolls = {roll.finger: roll for roll in action.rolls}
-        return self._phase(0, duration, object_path=path, rolls=rolls, **travel)
+        settle = timing.roll_settle if rolls else 0.0
+        return self._phase(0, duration + settle, object_path=path, rolls=rolls, **travel)
 
     def _journey(self, finger: int, shift: Array) -> Array:
         """Return the way of the finger that travels while the object moves: from its hover, or home, to its next one, or home."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import combinations
 
 import numpy as np
@@ -9,10 +10,13 @@ import numpy as np
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.hand import HandModel
+from dexplan.planning.regions import compute_pair_angle_max, describe_separation
 from dexplan.spatial import Array, build_frame
 
 GoalContacts = tuple[Array | None, ...]
 """Per finger the outward normal (3,) of its goal contact in object axes, None where it has to be free."""
+OF_ONE_FINGER = re.compile(r"(\w+)/\w+ and \1/\w+ (come within|too near)")
+"""A refusal because a finger meets itself."""
 
 
 def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> tuple[str, str]:
@@ -49,8 +53,17 @@ def suggest_cure(refusal: str) -> str:
     """Return what would help against a refusal of a grasp or of the way to it."""
     if "obstacle" in refusal or "floor" in refusal:
         return "move or shrink what is in the way, or choose goal contacts or a goal pose farther from it"
+    if OF_ONE_FINGER.search(refusal):
+        return "move the goal contact of this finger towards where it stands"
     if "come within" in refusal or "too near" in refusal:
         return "move the goal contacts of these fingers apart, or towards where the fingers stand"
     if any(word in refusal for word in ("joint", "singular", "workspace", "order", "reach")):
         return "move the goal contacts towards where the fingers stand, and keep the fingers' clockwise order"
     return "move two of the goal contacts nearer to opposite, raise the friction, lower friction.safety, or use a lighter object"
+
+
+def explain_separation(hand: HandModel) -> str:
+    """Return in words how far apart two contacts have to be for their fingers to hold alone with the believed friction."""
+    believed = hand.friction.scaled(hand.limits.cone_share)
+    beta = compute_pair_angle_max(believed) - hand.limits.closure_margin
+    return f"two contacts have to be {describe_separation(beta, believed.sliding)}"

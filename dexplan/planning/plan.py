@@ -328,8 +328,7 @@ class Plan:
     def _sentence(self, a: Action, before: tuple[Placement | None, ...]) -> str:
         holders = " and ".join(self.fingers[i] for i in a.grasping)
         if a.kind == "move_object":
-            axis = "(" + ", ".join(f"{x:.2f}" for x in a.axis_W) + ")"
-            text = f"turn the object by {np.degrees(a.angle):.1f} deg about {axis}, held by {holders}"
+            text = f"{self._motion_words(a)}, held by {holders}"
         elif a.kind == "roll":
             text = f"roll {' and '.join(self._roll_words(r) for r in a.rolls)} while {holders} hold"
         elif a.finger is not None:
@@ -342,6 +341,16 @@ class Plan:
         else:
             text = f"hold with {holders}"
         return f"{text}: {a.why}"
+
+    @staticmethod
+    def _motion_words(a: Action) -> str:
+        axis = "(" + ", ".join(f"{x:.2f}" for x in a.axis_W) + ")"
+        shift = 1e3 * (a.X_WO_end[:3, 3] - a.X_WO_start[:3, 3])
+        turn = f"turn the object by {np.degrees(a.angle):.1f} deg about {axis}"
+        if np.linalg.norm(shift) < 0.05:
+            return turn
+        way = "(" + ", ".join(f"{x:.1f}" for x in shift + 0.0) + ") mm"
+        return f"{turn} and shift it by {way}" if a.angle else f"shift the object by {way}"
 
     def _roll_words(self, roll: Roll) -> str:
         way = np.degrees(np.arccos(np.clip(roll.normal_O[0] @ roll.normal_O[-1], -1.0, 1.0)))

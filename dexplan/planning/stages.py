@@ -18,7 +18,7 @@ from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordin
 from dexplan.planning.cost import Improvement, compute_actions_cost
 from dexplan.planning.ends import Beginning, End, Ends, choose_beginnings
 from dexplan.planning.goal import VERTICAL, RotationGoal
-from dexplan.planning.goal_refusals import GoalContacts, suggest_cure
+from dexplan.planning.goal_refusals import GoalContacts, explain_separation, suggest_cure
 from dexplan.planning.goal_side import GoalSide
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions
@@ -144,11 +144,9 @@ class Stages:
         why = f"{why} ({tried})" if tried else why
         if not self.exhausted:
             return f"{why}; {cure}"
-        apart = np.degrees(np.arccos(StillContacts(self.hand, self.X_WO, self.admissibility).opposite))
         return (
-            f"{why}; every grasp that the start grasp leads to was tried, and with the believed friction two fingers hold alone "
-            f"only where they are {apart:.0f} deg or more apart; raise the friction, lower friction.safety, choose another start "
-            f"grasp, or {cure}"
+            f"{why}; every grasp that the start grasp leads to was tried, and {explain_separation(self.hand)}; "
+            f"raise the friction, lower friction.safety, choose another start grasp, or {cure}"
         )
 
     def run(

@@ -12,7 +12,7 @@ from dexplan.planning.detour import Surroundings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.plan import Placement
-from dexplan.planning.regions import compute_pair_angle_max, keeps_order
+from dexplan.planning.regions import compute_opposition, compute_pair_angle_max, keeps_order
 from dexplan.planning.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.planning.travel import Way, build_travel, compute_hover, find_way
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
@@ -96,7 +96,7 @@ class StillContacts:
     def __post_init__(self) -> None:
         limits = self.hand.limits
         beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
-        self.opposite = -float(np.cos(2.0 * beta))
+        self.opposite = -compute_opposition(beta)
         """Two contacts hold where the cosine between their normals is less than this."""
 
     def add(self, placement: Placement, label: int | None = None) -> int:

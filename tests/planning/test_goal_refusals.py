@@ -84,6 +84,7 @@ def test_a_ring_upside_down_is_reached_by_turning_the_object_over() -> None:
     [
         ("finger_1/tip and obstacle_1 come within 1.2 mm", "shrink"),
         ("finger_1/tip and finger_2/tip too near", "apart"),
+        ("finger_2/link_2 and finger_2/link_4 come within -0.6 mm", "of this finger towards where it stands"),
         ("a joint comes within 2.0 deg of its limit", "towards where the fingers stand"),
         ("finger_3 comes to the end of its workspace", "towards where the fingers stand"),
         ("the contacts cannot carry the load", "friction"),

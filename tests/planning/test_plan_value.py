@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -73,6 +74,27 @@ def test_explanation_mentions_every_action(full_turn: Plan) -> None:
             assert f"{action.kind} {full_turn.fingers[action.finger]} at azimuth" in line
         if action.kind == "move_object":
             assert f"{np.degrees(action.angle):.1f} deg" in line
+
+
+def test_explanation_says_by_how_much_the_object_is_shifted(full_turn: Plan) -> None:
+    k, move = next((k, a) for k, a in enumerate(full_turn.actions) if a.kind == "move_object")
+    assert "shift" not in full_turn.explain()
+    for shift, angle, words in (
+        ([0.0, 0.002, -0.09], 0.0, "shift the object by (0.0, 2.0, -90.0) mm, held by"),
+        (
+            [0.005, 0.0, 0.0],
+            0.5,
+            "turn the object by 28.6 deg about (0.00, 0.00, 1.00) and shift it by (5.0, 0.0, 0.0) mm, held by",
+        ),
+    ):
+        X_WO = move.X_WO_start.copy()
+        X_WO[:3, 3] += shift
+        actions = (
+            *full_turn.actions[:k],
+            replace(move, angle=angle, X_WO_end=X_WO),
+            *full_turn.actions[k + 1 :],
+        )
+        assert words in replace(full_turn, actions=actions).explain()
 
 
 def test_every_phase_makes_a_demand_on_every_finger(full_turn: Plan) -> None:
