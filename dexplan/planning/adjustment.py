@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
+from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated, rest_at
 from dexplan.planning.cost import Improvement
 from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
@@ -21,7 +21,7 @@ from dexplan.planning.joining import Contacts
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import FIRST, Start
 from dexplan.planning.reorient import Turns
-from dexplan.planning.stages import Stages, rest_at
+from dexplan.planning.stages import Stages
 from dexplan.spatial import Array
 
 KIND = "grasp_adjustment"

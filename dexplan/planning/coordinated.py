@@ -14,6 +14,7 @@ from dexplan.planning.admissible import (
     worst,
 )
 from dexplan.planning.following import follow_tip
+from dexplan.planning.goal import VERTICAL
 from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import SHIFT_STEP, STEP
 from dexplan.planning.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
@@ -55,6 +56,11 @@ class ObjectMotion:
         """Return the motion between two shares of its progress."""
         start = ObjectMotion(self.X_WO_start, self.axis_W, first * self.angle, first * self.shift_W).X_WO_end
         return ObjectMotion(start, self.axis_W, (last - first) * self.angle, (last - first) * self.shift_W)
+
+
+def rest_at(X_WO: Array) -> ObjectMotion:
+    """Return no motion, at ``X_WO`` (4, 4)."""
+    return ObjectMotion(X_WO, VERTICAL, 0.0, np.zeros(3))
 
 
 def follow_object(hand: HandModel, placement: Placement, X_WO: Array) -> tuple[Array, str]:

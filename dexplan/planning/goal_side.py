@@ -11,12 +11,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from itertools import combinations
 
-import numpy as np
-
 from dexplan.planning.adjustment_nodes import change_stand
 from dexplan.planning.admissible import Admissibility
-from dexplan.planning.coordinated import ObjectMotion
-from dexplan.planning.goal import VERTICAL
+from dexplan.planning.coordinated import rest_at
 from dexplan.planning.hand import HandModel
 from dexplan.planning.layers import Layers
 from dexplan.planning.moves import Contacts
@@ -37,7 +34,7 @@ class GoalSide:
 
     ``roots``: per stand the fingers that hold while the last one comes to its contact; ``options``: how the goal grasp is rolled
     into from there.  ``wanted``: per finger the spots of ``still`` that these stands use.  ``refusal``: why there is no way in at
-    all, "" where there may be one; ``room``: from so many pairs of places the goal may be come to.
+    all, "" where there may be one; ``is_rolled``: whether rolling was tried.
     """
 
     hand: HandModel
@@ -49,7 +46,7 @@ class GoalSide:
     options: dict[Stand, RollPlan | None] = field(default_factory=dict, init=False)
     wanted: dict[int, list[int]] = field(default_factory=dict, init=False)
     refusal: str = field(default="", init=False)
-    room: int = field(default=0, init=False)
+    is_rolled: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         self.still = StillContacts(self.hand, self.X_WO, self.admissibility)
@@ -57,6 +54,7 @@ class GoalSide:
         self.refusal = self._enter({stand: None})
         if self.refusal and None not in stand:
             # No pair holds, or the one that does lets nobody in: another one that is rolled apart may.
+            self.is_rolled = True
             rolled, refusal = self._roll(stand)
             self.refusal = self._enter(rolled) if rolled else refusal
 
@@ -83,10 +81,9 @@ class GoalSide:
             if not pairs:
                 continue
             bound = RelocationBound(self._layers, {stand: pairs})
-            if not (room := bound.count_pairs() - len(pairs)):
+            if bound.count_pairs() <= len(pairs):
                 refusals["no place lets another finger go"] += 1
                 continue
-            self.room += room
             self.roots[stand], self.options[stand] = pairs, option
             for f, spot in enumerate(stand):
                 if spot is not None:
@@ -119,6 +116,6 @@ class GoalSide:
 
     @property
     def _layers(self) -> Layers:
-        layers = Layers(self.hand, self.admissibility, ObjectMotion(self.X_WO, VERTICAL, 0.0, np.zeros(3)))
+        layers = Layers(self.hand, self.admissibility, rest_at(self.X_WO))
         layers.poses = [self.still]
         return layers

@@ -33,10 +33,12 @@ SEARCH_BUDGET = 160
 GAIT_WORK = 6
 """A node of the gait before it takes so many times as long."""
 AGAIN = 30
-"""Better plans are looked for with at least so much work, times what ``gait.improvement`` says."""
+"""At least so much work counts when better plans are looked for as long again."""
 Passes = tuple[tuple[int, int], ...]
 """What is tried with every way in turn: which of the ``REST_ANGLES``, and from how many ends of gaits."""
 NO_MORE = "the search was given up before it"
+SIDE_WORK, ROLLED_SIDE_WORK = 10, 30
+"""A look at the goal's side takes as long as so many nodes; rolling a goal grasp apart takes longer."""
 END_WORK, MORE_WORK = 3000, 120
 """Work that looking for the first end of a gait may take, and for one more."""
 ENDS = 4
@@ -100,7 +102,7 @@ class Stages:
 
     def __post_init__(self) -> None:
         self.admissibility = Admissibility(self.hand)
-        # Holding still is the simplest object manipulation: it settles the start contacts, or says what is wrong with them.
+        # Holding still settles the start contacts, or says what is wrong with them.
         self.hold = plan_rotation(
             self.hand, RotationGoal(self.X_WO, VERTICAL, 0.0), self.start, self.node_budget, self.primitives
         )
@@ -141,7 +143,7 @@ class Stages:
         Where everything was tried from the start grasp, friction is what was short.
         """
         cure = suggest_cure(why)
-        why = f"{why} ({tried})" if tried else why
+        why += f" ({tried})" if tried else ""
         if not self.exhausted:
             return f"{why}; {cure}"
         return (
@@ -314,7 +316,8 @@ class Stages:
         """Return the ways into the goal contacts with the object at ``X_WO`` (4, 4)."""
         key = b"".join(np.round(m, 9).tobytes() for m in (X_WO, *(c.X_OF for c in goal if c is not None)))
         if key not in self._sides:
-            self._sides[key] = GoalSide(self.hand, self.admissibility, X_WO, goal)
+            side = self._sides[key] = GoalSide(self.hand, self.admissibility, X_WO, goal)
+            self.work += ROLLED_SIDE_WORK if side.is_rolled else SIDE_WORK
         return self._sides[key]
 
     def _gait(self, motion: ObjectMotion, rest: float, is_attitude: bool) -> Ends:
@@ -391,8 +394,3 @@ def choose_rests(motion: ObjectMotion) -> tuple[float, ...]:
     size = max(abs(motion.angle), float(np.linalg.norm(motion.shift_W)) / REST_SHIFT)
     shares = [min(1.0, angle / size) for angle in REST_ANGLES]
     return tuple(dict.fromkeys(shares))
-
-
-def rest_at(X_WO: Array) -> ObjectMotion:
-    """Return no motion, at ``X_WO`` (4, 4)."""
-    return ObjectMotion(X_WO, VERTICAL, 0.0, np.zeros(3))
