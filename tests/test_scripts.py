@@ -29,6 +29,8 @@ WRONG = [
     "adjustment_sweep nosuch",
     "adjustment_sweep --set foo",
     "adjustment_sweep --count -3",
+    "attitude_sweep nosuch",
+    "attitude_sweep --count many",
     "endurance nosuch",
     "endurance --goals -1",
     "jitter --workers 0",

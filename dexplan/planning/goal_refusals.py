@@ -64,6 +64,5 @@ def suggest_cure(refusal: str) -> str:
 
 def explain_separation(hand: HandModel) -> str:
     """Return in words how far apart two contacts have to be for their fingers to hold alone with the believed friction."""
-    believed = hand.friction.scaled(hand.limits.cone_share)
-    beta = compute_pair_angle_max(believed) - hand.limits.closure_margin
-    return f"two contacts have to be {describe_separation(beta, believed.sliding)}"
+    beta = compute_pair_angle_max(hand.friction.scaled(hand.limits.cone_share)) - hand.limits.closure_margin
+    return f"two contacts have to be {describe_separation(beta, hand.friction.sliding)}"
