@@ -29,7 +29,7 @@ TURNS = 8
 """Turns of the object that are tried before the goal is given up."""
 PASSES = ((0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (0, 4))
 """Attitudes lie far apart, and each gets a second end of a gait before the next one has its turn."""
-WORK = 700
+WORK = 900
 """Work, as :class:`Stages` counts it, after which no further turn is tried."""
 
 
