@@ -125,9 +125,9 @@ class Phase:
     """A stretch of the reference.
 
     ``holding`` (F,) says which fingers carry the object in the force QP, ``load_start`` and ``load_end`` (F,) how much of their
-    full load (0..1); ``rolls`` how some of them roll meanwhile, at the progress of ``object_path``.  ``finger`` moves freely:
-    from where it is along the ``postures`` (K, J), or along its contact normal over the gap ``gap_start`` to ``gap_end`` [m] off
-    ``X_OF`` (its landing pose in the object frame; None: wherever it is carried).
+    full load (0..1); ``rolls`` how some of them roll meanwhile, at the progress of ``object_path``, which such a phase outlasts.
+    ``finger`` moves freely: from where it is along the ``postures`` (K, J), or along its contact normal over the gap
+    ``gap_start`` to ``gap_end`` [m] off ``X_OF`` (its landing pose in the object frame; None: wherever it is carried).
     """
 
     action_index: int

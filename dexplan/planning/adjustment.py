@@ -21,14 +21,12 @@ from dexplan.planning.joining import Contacts
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import FIRST, Start
 from dexplan.planning.reorient import Turns
-from dexplan.planning.stages import Stages
+from dexplan.planning.stages import PASSES, Stages
 from dexplan.spatial import Array
 
 KIND = "grasp_adjustment"
 TURNS = 8
 """Turns of the object that are tried before the goal is given up."""
-PASSES = ((0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (0, 4))
-"""Attitudes lie far apart, and each gets a second end of a gait before the next one has its turn."""
 WORK = 900
 """Work, as :class:`Stages` counts it, after which no further turn is tried."""
 
@@ -45,7 +43,7 @@ def plan_grasp_adjustment(
 ) -> Plan:
     """Return a plan after which every finger touches at its goal contact.
 
-    The object stays at ``X_WO`` (4, 4) if that is possible; else it is turned by the smallest turn that helps, and, with
+    The object stays at ``X_WO`` (4, 4) if that is possible; else it is turned by one of the turns that help, and, with
     ``keep_object``, brought back by the goal grasp.  ``improvement`` says how long other turns are tried then for a plan that
     costs less.  No plan is an answer with a status: ``goal_contacts_unreachable``, ``goal_grasp_inadmissible``,
     ``no_adjustment``, or one of those that refuse a start.

@@ -20,7 +20,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.overlap import overlap_travel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import FIRST, Start
-from dexplan.planning.stages import Stages
+from dexplan.planning.stages import PASSES, Stages
 from dexplan.scene.workspace import spread_directions
 
 KIND = "dextrous_manipulation"
@@ -30,8 +30,6 @@ SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 
 DETOURS, AXES, MOST = (float(np.radians(15.0)), float(np.radians(30.0))), 12, 6
 """Turns [rad] about so many axes that lead to the goal from beside the straight way there; at most so many are tried."""
-PASSES = ((0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (0, 4))
-"""Most ways lie near one another, and each gets one end of a gait at first."""
 TOGETHER = ((1, 2), (2, 2))
 """Where fingers are to travel while the object moves the search needs some of the object's way."""
 WORK = 700
@@ -55,8 +53,8 @@ def plan_dextrous_manipulation(
 
     ``contacts``: outward normals in object axes, None for a finger that has to be free.  ``compute_duration`` tells how long a
     plan takes [s]; the order "simultaneous" takes the shortest it finds, and counts actions where there is none.
-    ``improvement`` says how long other ways are tried for a plan that costs less.  No plan is an
-    answer with a status: those of a grasp adjustment, or ``no_dextrous_plan``.
+    ``improvement`` says how long other ways are tried for a plan that costs less, none on which the grasp is adjusted later.  No
+    plan is an answer with a status: those of a grasp adjustment, or ``no_dextrous_plan``.
     """
     if order == "simultaneous":
         # Three searches vie for the shortest time already.
@@ -102,7 +100,7 @@ def _plan_in_order(
     if len(shares) > 1 and goal.is_attitude:
         ways += _choose_detours(stages, goal)
     passes = TOGETHER if is_simultaneous else PASSES
-    done = stages.run_all(ways, passes, work, goal.is_attitude, is_simultaneous)
+    done = stages.run_all(ways, passes, work, goal.is_attitude, is_simultaneous, is_early=True)
     if done.number is not None:
         return stages.build_plan(KIND, goal, done.actions, done.start)
     return stages.refuse(

@@ -36,6 +36,8 @@ AGAIN = 30
 """At least so much work counts when better plans are looked for as long again."""
 Passes = tuple[tuple[int, int], ...]
 """What is tried with every way in turn: which of the ``REST_ANGLES``, and from how many ends of gaits."""
+PASSES: Passes = ((0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (0, 4))
+"""Every way gets one end of a gait, and some of the object's turn, before any gets a second end."""
 NO_MORE = "the search was given up before it"
 SIDE_WORK, ROLLED_SIDE_WORK = 10, 30
 """A look at the goal's side takes as long as so many nodes; rolling a goal grasp apart takes longer."""
@@ -206,18 +208,19 @@ class Stages:
         work: int,
         is_attitude: bool,
         is_simultaneous: bool,
+        is_early: bool = False,
     ) -> Outcome:
         """Plan one of ``ways``, each as for :meth:`run`, that comes to the goal: little is tried with all, then more.
 
         ``passes`` say how much; no way is begun after so much ``work``.  Once one has come there, ways that might cost less are
-        tried for as long again as ``improvement`` says.
+        tried for as long again as ``improvement`` says; ``is_early``: none that comes later in ``ways`` than the one found.
         """
         why, tried, begun = "", set[int](), self.work
         limit, cheapest, best = begun + work, np.inf, None
         for k, ends in passes:
             for number, (before, after) in enumerate(ways):
                 rests = choose_rests(before)[k : k + 1]
-                if self.work >= limit or not rests:
+                if self.work >= limit or not rests or (is_early and best and number > (best.number or 0)):
                     continue
                 tried.add(number)
                 actions, first, refused = self.run(

@@ -86,6 +86,8 @@ class AbstractStandSearch(ABC):
                 continue
             if refusal := self._check(node):
                 self._refuse(refusal, node)
+                if not self.layers.poses[node.layer].judge(node.stand).is_admissible:
+                    self.bound.refuse(node.layer, node.stand)
                 continue
             self._seen.add((node.layer, node.stand))
             self._likes[kind] = count + 1
@@ -150,7 +152,6 @@ class AbstractStandSearch(ABC):
         still = self.layers.poses[node.layer]
         row = still.judge(node.stand)
         if not row.is_admissible:
-            self.bound.refuse(node.layer, node.stand)
             return row.refusal
         if node.parent is not None and node.parent.layer != node.layer:
             _, refusal = self.layers.judge_carry(node.parent.layer, node.parent.stand, is_thorough=False)

@@ -198,3 +198,17 @@ def test_ways_to_a_goal_grasp_are_tried_on_while_that_is_asked_for() -> None:
     assert nodes[0] < nodes[1]
     costs = [compute_actions_cost(CostWeights(), plan.actions) for plan in plans]
     assert costs[1] < costs[0]
+
+
+def test_a_grasp_that_is_to_come_first_is_not_adjusted_later_for_a_cheaper_plan() -> None:
+    left = []
+    for share in (0.0, 1.0):
+        plan = pipeline.plan(
+            load_problem("fig5_dextrous", {"goal.order": "grasp_first", "gait.improvement": share})
+        )
+        assert plan.is_solved
+        made = max(k for k, a in enumerate(plan.actions) if a.kind in ("place", "lift", "roll"))
+        rest = plan.X_WO_goal[:3, :3] @ plan.actions[made].X_WO_end[:3, :3].T
+        left.append(np.arccos(np.clip(0.5 * (np.trace(rest) - 1.0), -1.0, 1.0)))
+    assert left[1] >= left[0] - 1e-9
+    assert left[0] > 0.1

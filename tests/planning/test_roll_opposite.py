@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Placement
 from dexplan.planning.roll_gait import FOLLOW, RollToPair
 from dexplan.planning.still import build_landings
-from dexplan.spatial import Array, direction_from_angles
+from dexplan.spatial import direction_from_angles
 
 WIDER = float(np.radians(20.0))
 
@@ -20,16 +21,8 @@ WIDER = float(np.radians(20.0))
 class Crowded(Admissibility):
     """Lets pairs hold and says no to all three fingers at once, so that the third one is asked to follow."""
 
-    def compute_margins_of(
-        self,
-        states: dict[int, FingerState],
-        q: Array,
-        X_WO: Array,
-        landing: tuple[int, ...] = (),
-        axis_W: Array | None = None,
-        explain: bool = True,
-    ) -> Margins:
-        found = super().compute_margins_of(states, q, X_WO, landing, axis_W, explain)
+    def compute_margins_of(self, states: dict[int, FingerState], *rest: Any, **named: Any) -> Margins:
+        found = super().compute_margins_of(states, *rest, **named)
         return replace(found, refusal="too many fingers") if len(states) > 2 else found
 
 
