@@ -88,7 +88,7 @@ class Ellipsoid(AbstractSurface):
     def coordinates(self, p_O: ArrayLike, chart: ArrayLike = 0) -> tuple[Array, Array]:
         """Return u, v (...) [rad] of points (..., 3), taken radially onto the surface."""
         chart = as_chart_points(0.0, 0.0, chart, CHART_COUNT)[2]
-        p = to_chart_axes(self.closest(p_O), chart)
+        p = to_chart_axes(self.radial(p_O), chart)
         axes = to_chart_axes(np.asarray(self.semi_axes), chart)
         unit, flat = p / axes, axes[..., :2]
         side = unit[..., :2]
@@ -101,10 +101,10 @@ class Ellipsoid(AbstractSurface):
 
     def chart_margins(self, p_O: ArrayLike) -> Array:
         """Return cos u of the three charts (..., 3) at points (..., 3)."""
-        unit = self.closest(p_O) / np.asarray(self.semi_axes)
+        unit = self.radial(p_O) / np.asarray(self.semi_axes)
         return np.sqrt(np.clip(1.0 - unit[..., POLE_AXES] ** 2, 0.0, None))
 
-    def closest(self, direction: ArrayLike) -> Array:
+    def radial(self, direction: ArrayLike) -> Array:
         """Return the points (..., 3) [m] in these directions; raises ValueError for a zero one."""
         direction = np.asarray(direction, dtype=np.float64)
         length = np.linalg.norm(direction / np.asarray(self.semi_axes), axis=-1, keepdims=True)
@@ -133,7 +133,7 @@ class Ellipsoid(AbstractSurface):
         foot = np.where(is_open, 0.0, p * axes**2 / np.where(is_open, 1.0, below))
         rest = np.sqrt(np.clip(1.0 - np.sum((foot / axes) ** 2, axis=-1, keepdims=True), 0.0, None))
         share = is_open / np.sqrt(np.maximum(np.sum(is_open, axis=-1, keepdims=True), 1))
-        return self.closest(foot + np.where(is_open, rest * share * axes, 0.0))
+        return self.radial(foot + np.where(is_open, rest * share * axes, 0.0))
 
 
 def _solve_climb(weights: Array, flat: Array, log_cosine: Array) -> Array:

@@ -50,7 +50,7 @@ class Plane(AbstractSurface):
         """Return ones (..., 1)."""
         return np.ones((*np.shape(p_O)[:-1], 1))
 
-    def closest(self, direction: ArrayLike) -> Array:
+    def radial(self, direction: ArrayLike) -> Array:
         """Raise ValueError: no point of a plane is its centre."""
         raise ValueError("a plane has no centre for rays to start from; project(point) is accepted")
 
@@ -101,7 +101,7 @@ class Cylinder(AbstractSurface):
         """Return ones (..., 1)."""
         return np.ones((*np.shape(p_O)[:-1], 1))
 
-    def closest(self, direction: ArrayLike) -> Array:
+    def radial(self, direction: ArrayLike) -> Array:
         """Return where rays from the origin (..., 3) leave the cylinder [m]; raises ValueError for rays along the axis."""
         direction = np.asarray(direction, dtype=np.float64)
         return direction * self._stretch(direction)

@@ -110,7 +110,7 @@ def roll_to(
     X = np.array(start, dtype=np.float64)
     R_OF, n = split_start(tip.radius, ball.radius, X)
     X[:3, 3] = (tip.radius + ball.radius) * n
-    goal = ball.closest(goal) / ball.radius
+    goal = ball.radial(goal) / ball.radius
     off = float(roll_along(tip.radius, ball.radius, X, [n], 2).polar_angle[0])
     if off > limits.tip_polar_limit + SMALL:
         return RollPlan(

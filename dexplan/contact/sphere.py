@@ -53,16 +53,16 @@ class Sphere(AbstractSurface):
 
     def coordinates(self, p_O: ArrayLike, chart: ArrayLike = 0) -> tuple[Array, Array]:
         """Return latitude and longitude (...) [rad] of points (..., 3)."""
-        n = self.closest(p_O) / self.radius
+        n = self.radial(p_O) / self.radius
         n = to_chart_axes(n, as_chart_points(0.0, 0.0, chart, CHART_COUNT)[2])
         return np.arctan2(n[..., 2], np.hypot(n[..., 0], n[..., 1])), np.arctan2(n[..., 1], n[..., 0])
 
     def chart_margins(self, p_O: ArrayLike) -> Array:
         """Return the cosines of the three latitudes (..., 3) of points (..., 3)."""
-        n = self.closest(p_O) / self.radius
+        n = self.radial(p_O) / self.radius
         return np.sqrt(np.clip(1.0 - n[..., POLE_AXES] ** 2, 0.0, None))
 
-    def closest(self, direction: ArrayLike) -> Array:
+    def radial(self, direction: ArrayLike) -> Array:
         """Return the points (..., 3) [m] in these directions; raises ValueError for a zero one."""
         direction = np.asarray(direction, dtype=np.float64)
         length = np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -72,4 +72,4 @@ class Sphere(AbstractSurface):
 
     def project(self, p_O: ArrayLike) -> Array:
         """Return the nearest points (..., 3) [m]; raises ValueError for the centre, which is as near to all."""
-        return self.closest(p_O)
+        return self.radial(p_O)

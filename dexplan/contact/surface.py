@@ -78,7 +78,7 @@ class AbstractSurface(ABC):
         """Return, for points (..., 3), how far each chart's border is: (..., chart_count), 1 far away and 0 on it."""
 
     @abstractmethod
-    def closest(self, direction: ArrayLike) -> Array:
+    def radial(self, direction: ArrayLike) -> Array:
         """Return the points (..., 3) [m] where rays from the centre along ``direction`` meet the surface."""
 
     @abstractmethod

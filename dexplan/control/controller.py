@@ -307,7 +307,7 @@ class Controller:
             return forces_W, torque, None
         solver = self._solvers.get(holding)
         if solver is None:
-            size = float(np.linalg.norm(self._scene.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
+            size = float(np.linalg.norm(self._scene.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
             solver = ForceSolver(
                 [self._friction] * len(holding),
                 self._joints.shape[1],
@@ -351,7 +351,7 @@ class Controller:
             G, maps = np.zeros((6, 4 * len(holding))), np.zeros((len(holding), self._joints.shape[1], 4))
             frames = []
             for k, i in enumerate(holding):
-                p_OC = surface.closest(self._carried[i][:3, 3])
+                p_OC = surface.radial(self._carried[i][:3, 3])
                 p_OF = R_OW @ (self._X_WF[i][:3, 3] - observation.X_WO[:3, 3])
                 J = self._J[i][:, self._joints[i]]
                 columns, maps[k] = map_contact(np.vstack([R_OW @ J[:3], R_OW @ J[3:]]), p_OC, p_OC - p_OF)

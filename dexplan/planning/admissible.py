@@ -165,7 +165,7 @@ class Admissibility:
         solver = self._solvers.get(n)
         if solver is None:
             friction = hand.friction.scaled(limits.cone_share)
-            length = float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
+            length = float(np.linalg.norm(hand.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
             solver = self._solvers[n] = ForceSolver(
                 [friction] * n, joints, length=length, friction_weight=GENTLE_FRICTION
             )
@@ -173,7 +173,7 @@ class Admissibility:
         G, maps = np.zeros((6, 4 * n)), np.zeros((n, joints, 4))
         for k, i in enumerate(holding):
             p_WF = states[i].X_WF[:3, 3]
-            arm_W = R_WO @ hand.object.surface.closest(R_WO.T @ (p_WF - p_WO))
+            arm_W = R_WO @ hand.object.surface.radial(R_WO.T @ (p_WF - p_WO))
             G[:, 4 * k : 4 * k + 4], maps[k] = map_contact(states[i].J, arm_W, p_WO + arm_W - p_WF)
         wrench = np.array([0.0, 0.0, hand.object.mass * GRAVITY, 0.0, 0.0, 0.0])
         if axis_W is not None:

@@ -165,7 +165,7 @@ class ContactTable:
         """Return the contact as a plan's value, with the object at progress ``done``."""
         X_WO, state = self.leg.pose(done), self.state(held)
         normal_O = X_WO[:3, :3].T @ self.normal(held)
-        point_O = self.hand.object.surface.closest(normal_O)
+        point_O = self.hand.object.surface.radial(normal_O)
         return Placement(held.finger, point_O, normal_O, invert_pose(X_WO) @ state.X_WF, state.q)
 
     # -- several contacts ------------------------------------------------------------------------------------------------
@@ -338,7 +338,7 @@ class ContactTable:
 
     def _tip(self, finger: int, normals: Array) -> Array:
         radius = self.hand.fingers[finger].tip_radius
-        return self.hand.object.surface.closest(normals) + radius * normals
+        return self.hand.object.surface.radial(normals) + radius * normals
 
     @staticmethod
     def _spread(normals: Array, score: Array, count: int) -> list[int]:

@@ -34,13 +34,13 @@ def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> tuple[str, str]
             )
     for (f, n), (g, m) in combinations(wanted, 2):
         tips = [hand.fingers[k].tip_radius for k in (f, g)]
-        between = np.linalg.norm(surface.closest(n) + tips[0] * n - surface.closest(m) - tips[1] * m)
+        between = np.linalg.norm(surface.radial(n) + tips[0] * n - surface.radial(m) - tips[1] * m)
         if (gap := between - sum(tips)) < hand.limits.clearance:
             return "goal_grasp_inadmissible", (
                 f"the tips of {names[f]} and {names[g]} would come within {1e3 * gap:.1f} mm at their goal contacts, and "
                 f"{1e3 * hand.limits.clearance:.1f} mm have to be left; move the two contacts apart"
             )
-    grasp = Grasp(tuple(Contact(f, surface.closest(n), build_frame(-n), hand.friction) for f, n in wanted))
+    grasp = Grasp(tuple(Contact(f, surface.radial(n), build_frame(-n), hand.friction) for f, n in wanted))
     if not check_force_closure(grasp).is_closed:
         return "goal_grasp_inadmissible", (
             "the goal contacts are not force closed with the believed friction; move two of them nearer to opposite, raise "

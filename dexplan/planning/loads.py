@@ -58,7 +58,7 @@ def compute_pair_loads(hand: HandModel, first: Array, second: Array, wrench: Arr
     ``wrench`` (6,) is what the contacts have to exert about the object's centre.
     """
     surface, friction, limits = hand.object.surface, hand.friction, hand.limits
-    p1, p2 = surface.closest(first), surface.closest(second)
+    p1, p2 = surface.radial(first), surface.radial(second)
     d = p2 - p1
     length = np.linalg.norm(d, axis=1)
     squared = np.maximum(length**2, 1e-12)

@@ -108,7 +108,7 @@ class RelocationBound:
         layers, hand = self._layers, self._layers.hand
         normals = [np.array(rows).reshape(-1, 3) for rows in self._normals]
         centers = [
-            hand.object.surface.closest(n) + f.tip_radius * n
+            hand.object.surface.radial(n) + f.tip_radius * n
             for n, f in zip(normals, hand.fingers, strict=True)
         ]
         opposite = layers.poses[-1].opposite

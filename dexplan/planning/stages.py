@@ -130,8 +130,8 @@ class Stages:
 
     @property
     def _goal_contacts(self) -> tuple[GoalContact | None, ...]:
-        closest = self.hand.object.surface.closest
-        return tuple(None if n is None else GoalContact(f, closest(n), n) for f, n in enumerate(self.goal))
+        radial = self.hand.object.surface.radial
+        return tuple(None if n is None else GoalContact(f, radial(n), n) for f, n in enumerate(self.goal))
 
     def refuse_goal(self, X_WO: Array, contacts: Contacts) -> str:
         """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); "" where it can."""

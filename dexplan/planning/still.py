@@ -46,7 +46,7 @@ def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) 
     X_OF = invert_pose(X_WO) @ compute_tip_pose(chain, q)
     surface = hand.object.surface
     return [
-        Placement(finger, surface.closest(n), n, X, posture) if good else None
+        Placement(finger, surface.radial(n), n, X, posture) if good else None
         for n, X, posture, good in zip(normals_O, X_OF, q, usable, strict=True)
     ]
 

@@ -67,7 +67,7 @@ def build_scene(parameters: SceneParameters) -> Scene:
 
 
 def scene_from_xml(name: str, xml: str) -> Scene:
-    """Return the scene described by a model text whose parts carry the names used in ``dexplan/models``."""
+    """Return the scene described by a model text whose parts carry the names used in ``models/``."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

@@ -258,7 +258,7 @@ def _write_headings(figure: Figure, hand: HandModel, reach: Reach, split: float)
         fontsize=10.5,
         va="center",
     )
-    radius = 1e3 * float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
+    radius = 1e3 * float(np.linalg.norm(hand.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
     figure.text(
         0.05,
         split,

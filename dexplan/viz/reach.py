@@ -76,7 +76,7 @@ def _find_stations(hand: HandModel, finger: int) -> tuple[Array, Array]:
     """Return the equatorial normals (K, 3) that a finger reaches, and its postures there (K, J)."""
     description, workspace = hand.fingers[finger], hand.workspaces[finger]
     normals = direction_from_angles(azimuth := np.arange(0.0, 360.0, STATION_DEG), np.zeros_like(azimuth))
-    radius = float(np.linalg.norm(hand.object.surface.closest(normals[0])))
+    radius = float(np.linalg.norm(hand.object.surface.radial(normals[0])))
     if not len(workspace.postures):
         return normals[:0], np.zeros((0, description.chain.n_joints))
     X_WF = compute_aligned_pose(hand.object.X_WO_home[:3, 3], normals, radius + description.tip_radius)

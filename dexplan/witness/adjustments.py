@@ -154,7 +154,7 @@ def _reach(hand: HandModel, X_WO: Array, finger: int, rng: np.random.Generator, 
 
 def _are_apart(hand: HandModel, normals: tuple[Array, ...]) -> bool:
     surface, radii = hand.object.surface, [f.tip_radius for f in hand.fingers]
-    centers = [surface.closest(n) + r * n for n, r in zip(normals, radii, strict=True)]
+    centers = [surface.radial(n) + r * n for n, r in zip(normals, radii, strict=True)]
     return all(
         np.linalg.norm(centers[i] - centers[j]) - radii[i] - radii[j] >= hand.limits.clearance
         for i, j in combinations(range(len(normals)), 2)
@@ -162,6 +162,6 @@ def _are_apart(hand: HandModel, normals: tuple[Array, ...]) -> bool:
 
 
 def _are_closed(hand: HandModel, normals: tuple[Array, ...]) -> bool:
-    closest = hand.object.surface.closest
-    contacts = (Contact(f, closest(n), build_frame(-n), hand.friction) for f, n in enumerate(normals))
+    radial = hand.object.surface.radial
+    contacts = (Contact(f, radial(n), build_frame(-n), hand.friction) for f, n in enumerate(normals))
     return check_force_closure(Grasp(tuple(contacts))).is_closed

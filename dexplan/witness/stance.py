@@ -132,7 +132,7 @@ def solve_stance(scene: Scene, directions: Mapping[int, Array], forces: Array) -
 
 
 def _object_radius(scene: Scene) -> float:
-    return float(np.linalg.norm(scene.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
+    return float(np.linalg.norm(scene.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
 
 
 def _rank_postures(scene: Scene, finger: int, direction: Array, forces: Array) -> Array:

@@ -133,7 +133,7 @@ def test_an_ellipsoid_with_equal_axes_is_a_sphere() -> None:
 def test_ellipsoid_feet_are_nearest() -> None:
     """Against a fine net of the surface, inside and outside, on planes of symmetry too."""
     surface = Ellipsoid((0.03, 0.02, 0.01))
-    net = surface.closest(np.random.default_rng(1).normal(size=(40000, 3)))
+    net = surface.radial(np.random.default_rng(1).normal(size=(40000, 3)))
     queries = 0.02 * np.random.default_rng(2).normal(size=(40, 3))
     queries = np.concatenate([queries, queries * [1, 1, 0], queries * [0.1, 0, 0], np.zeros((1, 3))])
     distance = np.linalg.norm(surface.project(queries) - queries, axis=1)
@@ -152,14 +152,14 @@ def test_arrays_keep_their_shape() -> None:
         assert surface.curvature(u, 0.0).shape == (7, 7, 2, 2)
 
 
-def test_closest_is_along_the_ray() -> None:
-    assert np.allclose(SPHERE.closest([0.0, 3.0, 4.0]), [0.0, 0.021, 0.028])
-    assert np.allclose(Cylinder(0.02).closest([0.0, 3.0, 4.0]), [0.0, 0.02, 0.08 / 3.0])
-    assert np.allclose(Ellipsoid((0.01, 0.02, 0.03)).closest([0.0, -5.0, 0.0]), [0.0, -0.02, 0.0])
+def test_radial_is_along_the_ray() -> None:
+    assert np.allclose(SPHERE.radial([0.0, 3.0, 4.0]), [0.0, 0.021, 0.028])
+    assert np.allclose(Cylinder(0.02).radial([0.0, 3.0, 4.0]), [0.0, 0.02, 0.08 / 3.0])
+    assert np.allclose(Ellipsoid((0.01, 0.02, 0.03)).radial([0.0, -5.0, 0.0]), [0.0, -0.02, 0.0])
     with pytest.raises(ValueError, match="direction is zero"):
-        SPHERE.closest([0.0, 0.0, 0.0])
+        SPHERE.radial([0.0, 0.0, 0.0])
     with pytest.raises(ValueError, match=r"project\(point\) is accepted"):
-        Plane().closest([0.0, 0.0, 1.0])
+        Plane().radial([0.0, 0.0, 1.0])
 
 
 def test_what_is_no_surface_is_refused() -> None:

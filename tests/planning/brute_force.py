@@ -165,7 +165,7 @@ class EquatorialHand:
             finger.chain.has_tip_roll
         )  # else the spin is not one joint's business, and this oracle does not apply
         X = np.stack([make_pose(build_frame(-n)) for n in normals])
-        points = self.hand.object.surface.closest(normals) + finger.tip_radius * normals
+        points = self.hand.object.surface.radial(normals) + finger.tip_radius * normals
         X[:, :3, 3] = self._X_WO[:3, 3] + points
         q, reached = self.hand.workspaces[f].solve(X)
         q[:, -1] = 0.5 * (finger.chain.lower[-1] + finger.chain.upper[-1])

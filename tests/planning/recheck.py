@@ -126,7 +126,7 @@ class Recheck:
         """The tip touches where it says, its posture is the one that brings it there."""
         surface, radius = self.hand.object.surface, self.hand.fingers[placed.finger].tip_radius
         who = f"finger {placed.finger + 1}"
-        touching = np.allclose(surface.closest(placed.normal_O), placed.point_O, atol=1e-9)
+        touching = np.allclose(surface.radial(placed.normal_O), placed.point_O, atol=1e-9)
         self._expect(name, touching, f"{who}: the contact is off the surface")
         center = placed.point_O + radius * placed.normal_O
         self._expect(

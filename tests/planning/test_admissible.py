@@ -23,7 +23,7 @@ def hold(hand: HandModel, apart_deg: float) -> Array:
     for f, azimuth in enumerate((MIDDLE_DEG - 0.5 * apart_deg, MIDDLE_DEG + 0.5 * apart_deg)):
         n = direction_from_angles(azimuth, 0.0)
         X = make_pose(build_frame(-n))
-        point = hand.object.surface.closest(n) + hand.fingers[f].tip_radius * n
+        point = hand.object.surface.radial(n) + hand.fingers[f].tip_radius * n
         X[:3, 3] = hand.object.X_WO_home[:3, 3] + point
         solved, reached = hand.workspaces[f].solve(X[None])
         assert reached[0]
@@ -69,7 +69,7 @@ def test_load_agrees_with_the_closed_form_of_a_pair(hand: HandModel, mass: float
     """Ceiling 12 N and full use of the cone; in between lies only what the inscribed polytope keeps back."""
     friction = SoftFinger(sliding, hand.friction.torsional)
     heavy = relaxed(replace(hand, friction=friction, object=replace(hand.object, mass=mass)))
-    radius = float(np.linalg.norm(hand.object.surface.closest(np.array([1.0, 0.0, 0.0]))))
+    radius = float(np.linalg.norm(hand.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
     outcomes = set()
     for apart in np.arange(178.0, 126.0, -3.0):
         phi = float(np.radians(apart))

@@ -39,7 +39,7 @@ def test_goal_contacts_survive_a_file(hand: HandModel, plan: Plan, tmp_path: Pat
             assert before.finger == after.finger
             np.testing.assert_array_equal(before.normal_O, after.normal_O)
             np.testing.assert_array_equal(before.point_O, after.point_O)
-            np.testing.assert_allclose(before.point_O, hand.object.surface.closest(asked), atol=1e-15)
+            np.testing.assert_allclose(before.point_O, hand.object.surface.radial(asked), atol=1e-15)
     loaded.save(tmp_path / "second.json")
     assert (tmp_path / "first.json").read_bytes() == (tmp_path / "second.json").read_bytes()
 

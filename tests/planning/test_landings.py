@@ -109,7 +109,7 @@ def test_a_finger_gets_as_far_as_its_row_says(
         q_landed = found.run(hand, leg, station)[0]
         X = compute_tip_pose(hand.fingers[finger].chain, q_landed)
         # It touches there with its pole along the normal.
-        gap = hand.object.surface.closest(normal) + hand.fingers[finger].tip_radius * normal
+        gap = hand.object.surface.radial(normal) + hand.fingers[finger].tip_radius * normal
         assert np.allclose(X[:3, 3], leg.center + gap, atol=1e-9)
         assert np.allclose(X[:3, 2], -normal, atol=1e-9)
         assert walk(hand, leg, finger, normal, q_landed) == carry

@@ -35,8 +35,8 @@ def test_forces_balance_the_load(hand: HandModel, axis: Array | None) -> None:
     loads = compute_pair_loads(hand, first, second, wrench)
     surface = hand.object.surface
     force = loads.forces.sum(axis=1)
-    torque = np.cross(surface.closest(first), loads.forces[:, 0]) + np.cross(
-        surface.closest(second), loads.forces[:, 1]
+    torque = np.cross(surface.radial(first), loads.forces[:, 0]) + np.cross(
+        surface.radial(second), loads.forces[:, 1]
     )
     torque -= loads.torsions[:, :1] * first + loads.torsions[:, 1:] * second
     assert np.allclose(force, wrench[:3], atol=1e-12)
@@ -72,7 +72,7 @@ def test_verdicts_agree_with_the_force_program(hand: HandModel) -> None:
     bounds = ForceLimits(np.full(2, limits.normal_floor), np.full(2, limits.normal_ceiling))
     outcomes = set()
     for a, b, used in zip(first, second, loads.utilisation, strict=True):
-        arms = [hand.object.surface.closest(n) for n in (a, b)]
+        arms = [hand.object.surface.radial(n) for n in (a, b)]
         G = np.hstack([map_contact(np.zeros((6, 6)), arm, np.zeros(3))[0] for arm in arms])
         solved = solver.solve(G, wrench, bounds, np.full(2, hand.normal_force), explain=False).is_solved
         if used <= sure_share(hand):
@@ -88,7 +88,7 @@ def test_verdicts_agree_with_the_force_program(hand: HandModel) -> None:
 def test_contact_torques_are_those_of_the_grasp(hand: HandModel) -> None:
     rng = np.random.default_rng(1)
     J, normal, f = rng.normal(size=(6, 6)), np.array([0.6, 0.0, 0.8]), rng.normal(size=4)
-    arm, offset = hand.object.surface.closest(normal), -0.018 * normal
+    arm, offset = hand.object.surface.radial(normal), -0.018 * normal
     columns, maps = map_contact(J, arm, offset)
     torque = compute_contact_torques(
         J[None], offset[None], (columns[:3] @ f)[None], np.array([f[3]]), normal[None]

@@ -57,7 +57,7 @@ def measure_ways(layers: Layers, root: Stand) -> dict[Stand, int]:
     def is_allowed(stand: Stand) -> bool:
         touching = [(f, s) for f, s in enumerate(stand) if s is not None]
         centers = {
-            f: hand.object.surface.closest(n := still.spots[s].normal_O) + radii[f] * n for f, s in touching
+            f: hand.object.surface.radial(n := still.spots[s].normal_O) + radii[f] * n for f, s in touching
         }
         apart = all(
             np.linalg.norm(centers[a] - centers[b]) >= radii[a] + radii[b] + hand.limits.clearance

@@ -20,7 +20,7 @@ def hovering(hand: HandModel, finger: int, gap: float) -> Array:
     azimuths = 120.0 * finger + rng.uniform(-65.0, 65.0, COUNT)
     normals = direction_from_angles(azimuths, rng.uniform(-40.0, 40.0, COUNT))
     X = np.stack([make_pose(build_frame(-n)) for n in normals])
-    X[:, :3, 3] = center + hand.object.surface.closest(normals) + (description.tip_radius + gap) * normals
+    X[:, :3, 3] = center + hand.object.surface.radial(normals) + (description.tip_radius + gap) * normals
     q, reached = hand.workspaces[finger].solve(X)
     q[:, -1] = rng.uniform(-1.0, 1.0, COUNT)
     fine = compute_joint_margin(description.chain, q) >= hand.limits.joint_margin
