@@ -9,13 +9,9 @@ from __future__ import annotations
 import json
 import math
 import os
-import platform
 import time
-import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from functools import lru_cache
-from importlib import metadata, resources
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -23,10 +19,24 @@ from typing import Any, Literal
 import numpy as np
 
 from dexplan.errors import RunFolderError
-from dexplan.sim import checks, checks_contact, checks_forces, checks_physics, checks_rolling
+from dexplan.sim import checks, checks_contact, checks_files, checks_forces, checks_physics, checks_rolling
 from dexplan.sim.checks_case import MAY, Case, CheckResult, find_runs
+from dexplan.sim.limits import INTEGRITY, find_loose_limits, load_default_limits, resolve_limits
+from dexplan.sim.machine import describe_machine, describe_versions, find_differences
+from dexplan.sim.recipe import check_times, read_recipe
 from dexplan.sim.replay import Replay, replay
 from dexplan.sim.trace import Trace
+from dexplan.sim.world import read_world
+
+__all__ = [
+    "CHECKS",
+    "FORMAT",
+    "NOT_APPLICABLE",
+    "ValidationReport",
+    "load_default_limits",
+    "run_checks",
+    "validate_run",
+]
 
 FORMAT = 1
 """The report format this package reads and writes."""
@@ -35,6 +45,7 @@ CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("replay_matches", checks.check_replay_matches),
     ("trace_consistent", checks.check_trace_consistent),
     ("physics_untouched", checks_physics.check_physics_untouched),
+    ("files_agree", checks_files.check_files_agree),
     ("phases_in_order", checks.check_phases_in_order),
     ("reference_position_error_max", checks.check_reference_position),
     ("reference_rotation_error_max", checks.check_reference_rotation),
@@ -112,8 +123,9 @@ class ValidationReport:
     """The judgement of one run: ``verdict`` is "pass" iff no check fails; the rest is what one needs to
     believe it.
 
-    ``physics`` are the parameters simulated under, ``timing`` seconds simulated and spent, ``versions`` of
-    what judged.
+    ``physics`` are the parameters simulated under, ``timing`` seconds simulated and spent, ``versions`` and
+    ``machine`` of what judged.  ``recorded`` are versions and machine of the record as it states them, with its
+    ``differences`` from here; ``loose_limits`` maps limits looser than their defaults to ``value`` and ``default``.
     """
 
     name: str
@@ -124,10 +136,13 @@ class ValidationReport:
     versions: Mapping[str, str]
     seed: int
     format: int = FORMAT
+    machine: Mapping[str, str] = field(default_factory=dict)
+    recorded: Mapping[str, Any] = field(default_factory=dict)
+    loose_limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "checks", tuple(self.checks))
-        for key in ("physics", "timing", "versions"):
+        for key in ("physics", "timing", "versions", "machine", "recorded", "loose_limits"):
             object.__setattr__(self, key, MappingProxyType(json.loads(json.dumps(dict(getattr(self, key))))))
 
     def __eq__(self, other: object) -> bool:
@@ -163,10 +178,33 @@ class ValidationReport:
             "timing": dict(self.timing),
             "versions": dict(self.versions),
             "seed": self.seed,
+            "machine": dict(self.machine),
+            "recorded": dict(self.recorded),
+            "loose_limits": dict(self.loose_limits),
         }
 
+    @property
+    def reservations(self) -> tuple[str, ...]:
+        """What has to be said beside the verdict, one sentence each: where it was recorded, which limits are looser."""
+        told = []
+        if self.recorded.get("differences"):
+            told.append(
+                f"recorded elsewhere ({'; '.join(self.recorded['differences'])}), judged from the replay"
+            )
+        if self.loose_limits:
+            limits = (
+                f"{key} {x['value']:.6g} instead of {x['default']:.6g}"
+                for key, x in self.loose_limits.items()
+            )
+            told.append(f"limits looser than default: {', '.join(limits)}")
+        return tuple(told)
+
     def summary_line(self) -> str:
-        """Return one line: PASS with a few numbers, or FAIL with the first check that failed."""
+        """Return one line: PASS with a few numbers, or FAIL with the first check that failed; then reservations."""
+        # One line, whatever stands in the names of a foreign model.
+        return " ".join("; ".join([self._verdict_words(), *self.reservations]).split())
+
+    def _verdict_words(self) -> str:
         if self.is_passed:
             told = [(word, check) for name, word in HEADLINES for check in self.checks if check.name == name]
             parts = [
@@ -179,7 +217,8 @@ class ValidationReport:
         value = "without a value" if first.value is None else f"{_spell(first.value)} {first.unit}"
         limit = "" if first.limit is None else f" (limit {_spell(first.limit)})"
         moment = "" if first.worst_time_s is None else f" at {first.worst_time_s:.2f} s"
-        note = f": {first.note}" if first.value is None and first.note else ""
+        is_told = first.value is None or first.name in INTEGRITY
+        note = f": {_shorten(first.note)}" if is_told and first.note else ""
         return f"FAIL {first.name} {value}{limit}{moment}{note}"
 
     def table(self) -> str:
@@ -242,23 +281,24 @@ def validate_run(
 
     ``limits`` stand over the problem's ``[acceptance]``, which stands over the packaged defaults.  A bad run
     is a verdict; RunFolderError is raised only where there is nothing to step: no controls, or a model that
-    does not compile.
+    does not compile; ProblemError for limits that may not be set.
     """
     began = time.perf_counter()
-    for name in ("initial_state", "ctrl", "physics_steps_per_sample"):
-        if name not in trace:
-            raise RunFolderError("trace.npz", f"it lacks {name}", "a trace that can be replayed is needed")
-    replayed = replay(
-        trace.model_xml,
-        trace["initial_state"],
-        trace["ctrl"],
-        int(trace["physics_steps_per_sample"]),
-        trace.columns.get("xfrc_applied"),
-    )
+    numbers = resolve_limits(problem.get("acceptance", {}), limits or {})
+    recipe = read_recipe(trace.columns)
+    check_times(trace.columns, recipe.physics_steps_per_sample, read_world(trace.model_xml).timestep)
+    replayed = replay(trace.model_xml, *recipe)
     stepped = time.perf_counter()
-    numbers = {**load_default_limits(), **problem.get("acceptance", {}), **(limits or {})}
+    differences = find_differences(trace.meta)
     case = Case(
-        problem, plan, trace.columns, replayed, numbers, np.asarray(trace["initial_state"], dtype=np.float64)
+        problem,
+        plan,
+        trace.columns,
+        replayed,
+        numbers,
+        recipe.initial_state,
+        differences,
+        trace.contradictions,
     )
     results = run_checks(case)
     timing = {
@@ -273,11 +313,18 @@ def validate_run(
         checks=results,
         physics=_describe_physics(problem, replayed, case.sample_time),
         timing=timing,
-        versions={
-            "python": platform.python_version(),
-            **{name: _version(name) for name in ("dexplan", "mujoco", "numpy", "scipy")},
-        },
+        versions=describe_versions("dexplan", "mujoco", "numpy", "scipy"),
         seed=int(problem.get("seed", 0)),
+        machine=describe_machine(),
+        recorded={
+            "versions": trace.meta.get("versions"),
+            "machine": trace.meta.get("machine"),
+            "differences": differences,
+        },
+        loose_limits={
+            limit.name: {"value": limit.value, "default": limit.default}
+            for limit in find_loose_limits(numbers)
+        },
     )
 
 
@@ -291,17 +338,6 @@ def run_checks(case: Case) -> tuple[CheckResult, ...]:
         else:
             results.append(check(case))
     return tuple(results)
-
-
-def load_default_limits() -> dict[str, bool | float]:
-    """Return every limit with its default, from the packaged limits.toml."""
-    return dict(_read_limits())
-
-
-@lru_cache
-def _read_limits() -> Mapping[str, bool | float]:
-    text = resources.files("dexplan.sim").joinpath("limits.toml").read_text(encoding="utf-8")
-    return MappingProxyType(tomllib.loads(text))
 
 
 def _describe_physics(problem: Mapping[str, Any], replayed: Replay, sample_time: float) -> dict[str, Any]:
@@ -348,9 +384,6 @@ def _spell(value: float | None) -> str:
     return "" if value is None else f"{value:.4g}"
 
 
-def _version(name: str) -> str:
-    """Return the installed version of a package."""
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "not installed"
+def _shorten(note: str) -> str:
+    """Return the beginning of a note that is too long for a line."""
+    return note if len(note) <= 200 else f"{note[:199]}…"
