@@ -213,8 +213,6 @@ def save_run(
     folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
 ) -> None:
     """Write the run folder: problem, plan, model, trace, report and the summary figure."""
-    from dexplan.viz.figure import draw_summary
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     problem.save(folder / "problem.toml")
@@ -224,7 +222,16 @@ def save_run(
     partial.replace(folder / "model.xml")
     trace.save(folder / "trace.npz")
     report.save(folder / "report.json")
-    draw_summary(problem.as_dict(), plan, trace, report, folder / "summary.png")
+    draw_run(folder, problem, plan, trace, report)
+
+
+def draw_run(
+    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
+) -> None:
+    """Draw the summary figure of a run into its folder."""
+    from dexplan.viz.figure import draw_summary
+
+    draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
 
 
 def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
