@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Timing, build_reference
-from dexplan.errors import DexplanError
+from dexplan.errors import DexplanError, RunFolderError
 from dexplan.planning.adjustment import plan_grasp_adjustment
 from dexplan.planning.configuration_space import explain_obstruction
 from dexplan.planning.cost import CostWeights, Improvement
@@ -22,6 +23,7 @@ from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import refuse
 from dexplan.planning.rolling_start import plan_object_manipulation
+from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
@@ -31,6 +33,7 @@ from dexplan.scene.workspace import load_workspace
 from dexplan.sim import rollout as _rollout
 from dexplan.sim.trace import Trace
 from dexplan.sim.validate import ValidationReport, validate_run
+from dexplan.sim.world import read_world
 from dexplan.spatial import Array, as_pose
 
 NORMAL_FORCE = 5.5
@@ -166,7 +169,11 @@ def rollout(
         options or build_options(problem),
         world=true_scene or scene,
         X_WO_start=X_WO_start,
-        meta={"problem": problem.name, "seed": problem.seed if seed is None else seed},
+        meta={
+            "problem": problem.name,
+            "seed": problem.seed if seed is None else seed,
+            **as_run.describe_run(problem, plan.as_dict()),
+        },
         progress=progress,
     )
 
@@ -206,8 +213,6 @@ def save_run(
     folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
 ) -> None:
     """Write the run folder: problem, plan, model, trace, report and the summary figure."""
-    from dexplan.viz.figure import draw_summary
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     problem.save(folder / "problem.toml")
@@ -217,17 +222,49 @@ def save_run(
     partial.replace(folder / "model.xml")
     trace.save(folder / "trace.npz")
     report.save(folder / "report.json")
-    draw_summary(problem.as_dict(), plan, trace, report, folder / "summary.png")
+    draw_run(folder, problem, plan, trace, report)
+
+
+def draw_run(
+    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
+) -> None:
+    """Draw the summary figure of a run into its folder."""
+    from dexplan.viz.figure import draw_summary
+
+    draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
 
 
 def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
-    """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else."""
+    """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else.
+
+    What the files say against each other goes with the trace, for the judge: a folder that cannot be read is refused, a
+    folder that contradicts itself is judged, and fails.
+    """
     folder = Path(folder)
-    return (
-        Problem.load(folder / "problem.toml"),
-        Plan.load(folder / "plan.json"),
-        Trace.load(folder / "trace.npz"),
-    )
+    problem = Problem.load(folder / "problem.toml")
+    plan = Plan.load(folder / "plan.json")
+    model_xml = _read_model(folder / "model.xml")
+    trace = Trace.load(folder / "trace.npz")
+    as_run.check_whole(folder / "problem.toml", trace.meta)
+    written = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    found = list(as_run.find_differences(folder / "problem.toml", written, trace.meta))
+    if model_xml != trace.model_xml:
+        read_world(model_xml)
+        found.append("model.xml and the model in trace.npz are not the same text")
+    return problem, plan, replace(trace, contradictions=tuple(found))
+
+
+def _read_model(path: Path) -> str:
+    """Return the text of model.xml; RunFolderError where there is none."""
+    accepted = "the model.xml that `dexplan run` wrote beside trace.npz is needed"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text"
+        raise RunFolderError(str(path), f"it cannot be read ({reason})", accepted) from error
+    if not text.strip():
+        raise RunFolderError(str(path), "it is empty", accepted)
+    return text
 
 
 def inspect(problem: Problem, folder: str | Path) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
 from typing import Any
 
 import mujoco
@@ -16,11 +14,14 @@ from dexplan.control.reference import Reference
 from dexplan.scene.chain import solve_ik
 from dexplan.scene.scene import Scene
 from dexplan.scene.touch import Touches, compute_static_normal_force, read_touches
+from dexplan.sim.machine import describe_machine, describe_versions
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, as_pose7, make_pose
 
 START_DEPTH = 5e-5
 """How deep the tips stand in the object at the start [m]: about what their first newtons make of a touch."""
+PACKAGES = ("dexplan", "mujoco", "mink", "daqp", "osqp", "numpy", "scipy")
+"""Whose versions a record names."""
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -72,12 +73,8 @@ def rollout(
     columns["object_pose_reference"] = as_pose7(columns["object_pose_reference"])
     columns["initial_state"] = initial_state
     columns["physics_steps_per_sample"] = np.array(steps)
-    versions = {name: version(name) for name in ("mujoco", "mink", "daqp", "osqp", "numpy", "scipy")}
-    return Trace(
-        scene.xml,
-        columns,
-        {**(meta or {}), "failure": failure, "versions": {"python": platform.python_version(), **versions}},
-    )
+    made_by = {"versions": describe_versions(*PACKAGES), "machine": describe_machine()}
+    return Trace(scene.xml, columns, {**(meta or {}), "failure": failure, **made_by})
 
 
 FALLEN = 0.05
