@@ -14,7 +14,7 @@ from dexplan.sim.force_audit_values import FEASIBLE, INFEASIBLE, UNDECIDED, Forc
 from dexplan.sim.world import Flags, Indices
 
 NAME = "force_qp_feasible"
-FACTOR_PRECISION = 0.005
+FACTOR_PRECISION = 0.01
 """Factors on friction are found to this [-]."""
 FACTOR_LIMIT = 16.0
 """Forces that do not exist at this many times the friction are not looked for any further."""
@@ -50,7 +50,7 @@ def check_force_qp_feasible(case: Case) -> CheckResult:
         return fail(NAME, "count", "the plan's normal_ceiling_N is no force above 0", limit)
     samples = choose_samples(case)
     if not len(samples):
-        return fail(NAME, "count", "there is no quiet sample to audit", limit)
+        return fail(NAME, "count", "there is no sample to audit", limit)
     audit = ForceAudit()
     audited = audit_samples(case, audit, samples, ceiling)
     share = 100 * residual / case.weight
@@ -79,9 +79,13 @@ def read_ceiling(case: Case) -> float | None:
 
 
 def choose_samples(case: Case) -> Indices:
-    """Return the samples to audit, in order: quiet ones at even steps, and each action's most utilised."""
+    """Return the samples to audit, in order: quiet ones at even steps, and each action's most utilised.
+
+    The first one as well: a grasp that cannot hold lets go at once, and nothing near that is quiet.
+    """
     stride = max(1, int(case.limit("force_audit_interval_s") / case.sample_time + 1e-9))
     chosen = {t for start, stop in find_runs(case.quiet) for t in range(start, stop, stride)}
+    chosen |= set(range(min(1, case.sample_count)))
     used = np.where(case.settled, np.nan_to_num(case.utilisation, nan=np.inf), -1.0).max(axis=1, initial=-1.0)
     action = case.column("action_index")
     for index in np.unique(action[np.isfinite(action)]) if action is not None else ():

@@ -181,7 +181,7 @@ class _Reader:
             if self.active[t, k] and -distances[c] <= self.penetration[t, k]:
                 continue
             self._read_touch(t, k, int(c), data, float(distances[c]), second == world.object_geom)
-            mu, torsional = contact.friction[c, [0, 2]]
+            mu, _, torsional = contact.friction[c, :3]
             self.friction[t, k] = mu, torsional if contact.dim[c] >= 4 else 0.0
             row = np.concatenate(
                 [contact.friction[c], contact.solref[c], contact.solimp[c], [float(contact.dim[c])]]
