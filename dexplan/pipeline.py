@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -171,7 +172,7 @@ def rollout(
     )
 
 
-def build_options(problem: Problem, **changes: float) -> ControlOptions:
+def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
     limits = AdmissibleLimits()
     options = ControlOptions(
@@ -179,6 +180,7 @@ def build_options(problem: Problem, **changes: float) -> ControlOptions:
         problem.friction.believed_torsional_m,
         normal_floor=limits.normal_floor,
         normal_ceiling=limits.normal_ceiling,
+        force_solver=problem.control.force_solver,
     )
     return replace(options, **changes)
 
