@@ -44,7 +44,7 @@ STOREYS = {
         GROUND | INNER | OUTSIDE,
         MATH | {"mujoco", "matplotlib", "mpl_toolkits", "jinja2", "imageio_ffmpeg", "viser", "tqdm"},
     ),
-    "witness": Storey(GROUND | INNER | OUTSIDE, MATH | {"mujoco", "matplotlib", "tqdm"}),
+    "witness": Storey(GROUND | INNER | OUTSIDE, MATH | {"mujoco", "matplotlib", "tqdm", "clarabel"}),
     "problems": Storey(GROUND | INNER | OUTSIDE, MATH | {"msgspec", "tomli_w"}),
     "cli": Storey(GROUND | INNER | OUTSIDE, {"tyro"}),
     "commands": Storey(GROUND | INNER | OUTSIDE, {"tqdm"}),

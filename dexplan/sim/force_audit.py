@@ -45,21 +45,24 @@ class ForceAudit:
     """Answers questions, those of equally many fingers with the same solver."""
 
     def __init__(self) -> None:
-        self._programs: dict[tuple[int, int], AuditProgram] = {}
+        self._programs: dict[tuple[int, ...], AuditProgram] = {}
 
     def ask(self, question: ForceQuestion) -> ForceAnswer:
         """Return whether forces exist, with what proves it."""
-        count, joints = question.torque_bias.shape
-        if count == 0:
+        if len(question.friction) == 0:
             miss = float(np.linalg.norm(question.wrench[:3]))
             is_nothing_wanted = not question.wrench.any()
             return ForceAnswer(
                 FEASIBLE if is_nothing_wanted else INFEASIBLE, np.zeros((0, 4)), 0.0, miss, 0.0
             )
-        program = self._programs.get((count, joints))
-        if program is None:
-            program = self._programs[count, joints] = AuditProgram(count, joints)
-        return program.ask(question)
+        return self.prepare(question).ask(question)
+
+    def prepare(self, question: ForceQuestion) -> AuditProgram:
+        """Return the program that answers questions like this one, set up at the first of them."""
+        shape = question.torque_bias.shape
+        if shape not in self._programs:
+            self._programs[shape] = AuditProgram(*shape)
+        return self._programs[shape]
 
     def find_friction_factor(
         self, question: ForceQuestion, low: float, high: float, precision: float
