@@ -109,6 +109,7 @@ def compute_acceleration(poses: Array, center: Array, step: float) -> tuple[Arra
     speed[1:-1] = 0.5 * (between[1:] + between[:-1])
     acceleration[1:-1, :3] = np.diff(points, 2, axis=0) / step**2
     acceleration[1:-1, 3:] = np.diff(between, axis=0) / step
+    acceleration[np.isnan(acceleration).any(axis=1)] = np.nan
     for values in (speed, acceleration):
         values[0], values[-1] = values[1], values[-2]
     return speed, acceleration
