@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -178,7 +179,7 @@ def rollout(
     )
 
 
-def build_options(problem: Problem, **changes: float) -> ControlOptions:
+def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
     limits = AdmissibleLimits()
     options = ControlOptions(
@@ -186,6 +187,7 @@ def build_options(problem: Problem, **changes: float) -> ControlOptions:
         problem.friction.believed_torsional_m,
         normal_floor=limits.normal_floor,
         normal_ceiling=limits.normal_ceiling,
+        force_solver=problem.control.force_solver,
     )
     return replace(options, **changes)
 

@@ -121,6 +121,7 @@ class Plan:
     ``turned_angle`` is the signed unwrapped turn of the goal [rad], None where the goal is an attitude without an axis.
     ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.  ``goal_contacts`` says per finger where
     it has to touch in the end, None where it has to be free; None instead of the tuple where the goal names no contacts.
+    A contact aims at ``normal_force`` [N] and may press up to ``normal_ceiling`` [N].
     """
 
     status: str
@@ -136,6 +137,7 @@ class Plan:
     normal_force: float
     statistics: Mapping[str, float] = field(default_factory=dict)
     goal_contacts: tuple[GoalContact | None, ...] | None = None
+    normal_ceiling: float = 12.0
 
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_goal", "axis_W"):
@@ -156,6 +158,7 @@ class Plan:
             "reason": self.reason,
             "fingers": list(self.fingers),
             "normal_force_N": self.normal_force,
+            "normal_ceiling_N": self.normal_ceiling,
             "start": {
                 "object_pose": _pose(self.X_WO_start),
                 "contacts": self._contacts(self.start_contacts),
@@ -289,6 +292,8 @@ class Plan:
             start_contacts=contacts(data["start"]["contacts"]),
             actions=actions,
             normal_force=float(data["normal_force_N"]),
+            # Older files do not name the ceiling; 12 N was that of all plans.
+            normal_ceiling=float(data.get("normal_ceiling_N", 12.0)),
             statistics=data["statistics"],
             goal_contacts=None
             if wanted is None

@@ -76,6 +76,7 @@ def _answer(
         start_contacts=contacts,
         actions=actions,
         normal_force=hand.normal_force,
+        normal_ceiling=hand.limits.normal_ceiling,
         statistics=statistics,
     )
 

@@ -13,7 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from dexplan.sim import checks, checks_contact, checks_files, checks_forces, checks_physics, checks_rolling
+from dexplan.sim import (
+    checks,
+    checks_contact,
+    checks_files,
+    checks_force_audit,
+    checks_forces,
+    checks_physics,
+    checks_rolling,
+)
 from dexplan.sim.checks_case import MAY, Case, CheckResult, find_runs
 from dexplan.sim.limits import find_loose_limits, load_default_limits, resolve_limits
 from dexplan.sim.machine import describe_machine, describe_versions, find_differences
@@ -54,7 +62,7 @@ CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("finger_order_kept", checks_contact.check_finger_order_kept),
     ("plan_force_closure", checks_forces.check_plan_force_closure),
     ("plan_load_margin", checks_forces.check_plan_load_margin),
-    ("force_qp_feasible", checks_forces.check_force_qp_feasible),
+    ("force_qp_feasible", checks_force_audit.check_force_qp_feasible),
     ("force_cone_margin_min", checks_forces.check_force_cone_margin_min),
     ("friction_utilisation_max", checks_forces.check_friction_utilisation_max),
     ("coulomb_slip_max", checks_contact.check_coulomb_slip_max),
