@@ -32,7 +32,7 @@ SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 
 DETOURS, AXES, MOST = (float(np.radians(15.0)), float(np.radians(30.0))), 12, 6
 """Turns [rad] about so many axes that lead to the goal from beside the straight way there; at most so many are tried."""
-TOGETHER = (Pass(1, 2, 2), Pass(2, 2, 2))
+TOGETHER = (Pass(1, 2, 3), Pass(2, 2, 3))
 """Where fingers are to travel while the object moves the search needs some of the object's way."""
 WORK = 700
 """Work, as :class:`Stages` counts it, after which no further way is tried in one order."""

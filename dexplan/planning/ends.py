@@ -22,9 +22,9 @@ from dexplan.planning.roll_gait import build_roll_actions
 from dexplan.planning.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.still import StillContacts
 
-BUDGETS = (12, 50, 400)
-"""Nodes that the gaits from one beginning may open: so many from all of them, and more, once asked to go so deep, where that
-leads nowhere."""
+BUDGETS = (12, 12, 50, 400)
+"""Nodes that the gaits from one beginning may open, at first from the first beginning alone and then from all of them: more,
+once asked to go so deep, where that leads nowhere."""
 MOST = 12
 """Gaits from one beginning that are looked at."""
 APART = float(np.radians(15.0))
@@ -73,7 +73,7 @@ class Ends:
     """Ends of gaits to ``goal``, found one after another as they are asked for.
 
     ``opened`` counts nodes, ``why`` says why there is none, ``found`` has those that were asked for so far.  ``is_over``: there
-    are no more.  ``is_cut``: gaits were given up with something left to try, so that there may be others.
+    are no more.  ``is_cut``: gaits are given up with something left to try, so that there may be others.
     ``contacts`` are those from which the ``beginnings`` begin, where they are known; the latest that led to an end is put first.
     """
 
@@ -116,21 +116,23 @@ class Ends:
 
     def _find(self) -> Iterator[End | None]:
         """Yield end after end; None where more nodes, or a greater depth, are asked for before it goes on."""
-        closed: list[Beginning] = []
-        for number, budget in enumerate(sorted({min(b, self.node_budget) for b in BUDGETS})):
-            if self.found or len(closed) == len(self.beginnings):
+        tried, closed = dict[Beginning, int](), list[Beginning]()
+        for depth, budget in enumerate(BUDGETS):
+            if self.found:
                 return
-            self.is_cut = False
-            for beginning in [b for b in self.beginnings if b not in closed]:
-                while self._depth < number or self._until <= self.opened:
+            for beginning in self.beginnings[: None if depth else 1]:
+                most = min(budget, self.node_budget)
+                if beginning in closed or tried.get(beginning, 0) >= most:
+                    continue
+                while self._depth < depth or self._until <= self.opened:
                     yield None
-                before, nodes = self.opened, min(budget, self._until - self.opened)
+                before, nodes = self.opened, min(most, self._until - self.opened)
+                tried[beginning] = nodes
                 plans = plan_rotations(self.hand, self.goal, beginning.start, nodes, self.primitives)
                 for plan in islice(plans, MOST):
                     self.opened = before + int(plan.statistics.get("nodes", 0))
                     if not plan.is_solved:
                         if plan.status == "budget_exhausted":
-                            self.is_cut = True
                             self.why = f"no gait was found that brings the object there, within {nodes} nodes"
                         else:
                             # What was searched to the end, or refused, will not do with more nodes either.
@@ -147,6 +149,7 @@ class Ends:
                         self.beginnings.remove(beginning)
                         self.beginnings.insert(0, beginning)
                         yield End(actions, first, follow_actions(self.hand, first, actions))
+        self.is_cut = len(closed) < len(self.beginnings)
 
 
 def _are_different(a: Contacts, b: Contacts) -> bool:

@@ -38,8 +38,8 @@ Passes = tuple[Pass, ...]
 PASSES: Passes = tuple(
     Pass(*row)
     for row in (
-        *((0, 1, 0), (1, 1, 0), (0, 2, 1), (1, 2, 1), (2, 2, 1), (0, 4, 2)),
-        *((1, 4, 2), (2, 4, 2), (0, 12, 2), (1, 12, 2), (2, 12, 2)),
+        *((0, 1, 0), (1, 1, 0), (0, 2, 1), (1, 2, 1), (2, 2, 1), (0, 2, 2), (1, 2, 2), (0, 4, 3)),
+        *((1, 4, 3), (2, 4, 3), (0, 12, 3), (1, 12, 3), (2, 12, 3)),
     )
 )
 """Every way gets a short gait, one end of it, and some of the object's turn, before any gets a second end or a long gait: the one
