@@ -23,6 +23,7 @@ from dexplan.planning.plan import Plan
 from dexplan.planning.planner import refuse
 from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.problems.problem import Problem, compute_contact_directions
+from dexplan.run_folder import save_problem, write_whole
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
 from dexplan.scene.probe import HandProbe
@@ -32,6 +33,7 @@ from dexplan.sim import rollout as _rollout
 from dexplan.sim.trace import Trace
 from dexplan.sim.validate import ValidationReport, validate_run
 from dexplan.spatial import Array, as_pose
+from dexplan.viz.timeline import build_captions
 
 NORMAL_FORCE = 5.5
 """Normal force that a loaded contact aims at [N]; the force QP raises it where the load asks for more."""
@@ -151,6 +153,8 @@ def rollout(
 ) -> Trace:
     """Run ``plan`` in MuJoCo, closed loop; a failure still returns the trace so far.
 
+    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
+
     ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
     and controller believe (uncertainty).  Raises DexplanError for a plan without actions.
     """
@@ -166,7 +170,11 @@ def rollout(
         options or build_options(problem),
         world=true_scene or scene,
         X_WO_start=X_WO_start,
-        meta={"problem": problem.name, "seed": problem.seed if seed is None else seed},
+        meta={
+            "problem": problem.name,
+            "seed": problem.seed if seed is None else seed,
+            "captions": build_captions(plan),
+        },
         progress=progress,
     )
 
@@ -189,7 +197,11 @@ def validate(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
 
 
 def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
-    """Film a trace offscreen, in a process of its own.  Raises RenderError where no renderer can be started."""
+    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``.
+
+    The trace carries its captions; ``plan`` adds marks where the goal's contacts are.  Raises RenderError where no renderer can
+    be started, and for any other suffix.
+    """
     from dexplan.viz.video import render_video
 
     render_video(trace, plan, Path(path))
@@ -210,11 +222,9 @@ def save_run(
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    problem.save(folder / "problem.toml")
+    save_problem(problem, folder / "problem.toml")
     plan.save(folder / "plan.json")
-    partial = folder / ".model.xml.partial"
-    partial.write_text(trace.model_xml, encoding="utf-8")
-    partial.replace(folder / "model.xml")
+    write_whole(folder / "model.xml", trace.model_xml)
     trace.save(folder / "trace.npz")
     report.save(folder / "report.json")
     draw_summary(problem.as_dict(), plan, trace, report, folder / "summary.png")

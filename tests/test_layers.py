@@ -18,7 +18,19 @@ STEPPING_FILES = {"sim/rollout.py", "sim/replay.py"}
 
 GROUND = {"errors", "spatial"}
 MATH = {"numpy", "scipy"}
-OUTSIDE = {"viz", "witness", "problems", "cli", "commands", "pipeline", "__init__", "__main__"}
+OUTSIDE = {
+    "viz",
+    "witness",
+    "problems",
+    "cli",
+    "commands",
+    "pipeline",
+    "run_folder",
+    "terminal",
+    "usage",
+    "__init__",
+    "__main__",
+}
 INNER = {"contact", "grasp", "scene", "planning", "control", "sim", "models"}
 
 
@@ -46,6 +58,9 @@ STOREYS = {
     ),
     "witness": Storey(GROUND | INNER | OUTSIDE, MATH | {"mujoco", "matplotlib", "tqdm"}),
     "problems": Storey(GROUND | INNER | OUTSIDE, MATH | {"msgspec", "tomli_w"}),
+    "run_folder": Storey(GROUND | {"problems"}, {"tomli_w"}),
+    "terminal": Storey(GROUND, set()),
+    "usage": Storey(GROUND, {"tyro"}),
     "cli": Storey(GROUND | INNER | OUTSIDE, {"tyro"}),
     "commands": Storey(GROUND | INNER | OUTSIDE, {"tqdm"}),
     "pipeline": Storey(GROUND | INNER | OUTSIDE, MATH | {"mujoco", "tqdm", "platformdirs"}),

@@ -90,7 +90,7 @@ class HandSection:
     base_azimuths_deg: tuple[float, ...] = (0.0, 120.0, 240.0)
     """Where each finger stands around the object's home, about world z from x."""
     joint_ranges_deg: Mapping[str, tuple[float, float]] = field(default_factory=FrozenMap)
-    """"finger_1.joint_1" -> (lowest, highest): narrows a range of the model, never widens it."""
+    """"finger_1.joint_1" -> (lowest, highest) [deg]: narrows a range of the model, never widens it."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint_ranges_deg", FrozenMap(self.joint_ranges_deg))
@@ -109,6 +109,7 @@ class FrictionSection:
 
     sliding: float = 0.55
     torsional_m: float = 0.0025
+    """A file that leaves it out gets this, or as much as the smallest tip can have at this ``sliding`` if that is less."""
     safety: float = 1.3
     """Planner and force QP believe ``sliding / safety`` and ``torsional_m / safety``."""
 
@@ -154,6 +155,7 @@ class GoalSection:
     """
 
     kind: Literal["object_manipulation", "grasp_adjustment", "dextrous_manipulation"] = "object_manipulation"
+    """A file that leaves it out gets what the other keys ask for: a motion, contacts, or both."""
     rotation: Rotation | None = None
     orientation_wxyz: tuple[float, float, float, float] | None = None
     translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -237,13 +239,17 @@ class Problem:
         """
         return {"format": FORMAT, **_as_plain(self)}
 
+    def as_toml(self) -> str:
+        """Return the text of the problem's TOML file."""
+        return tomli_w.dumps(self.as_dict())
+
     def save(self, path: str | Path) -> Path:
         """Write the problem as TOML, whole or not at all; floats keep every bit.  Returns the path."""
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         try:
-            temporary.write_bytes(tomli_w.dumps(self.as_dict()).encode())
+            temporary.write_bytes(self.as_toml().encode())
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)

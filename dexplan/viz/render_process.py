@@ -23,8 +23,15 @@ from dexplan.errors import DexplanError, RenderError, UnknownNameError
 from dexplan.planning.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, make_pose
+from dexplan.viz.canvas import SOFTWARE
 from dexplan.viz.palette import as_rgb, get_finger_color
-from dexplan.viz.timeline import choose_axis, compute_turned_angle, describe_action, read_finger_names
+from dexplan.viz.timeline import (
+    choose_axis,
+    compute_turned_angle,
+    describe_action,
+    read_caption,
+    read_finger_names,
+)
 
 try:
     import mujoco
@@ -65,7 +72,7 @@ class SceneRenderer:
         self._object = model.joint("object/free/")
         self._poses = _fill_poses(trace["qpos"])
         address = int(self._object.qposadr[0])
-        turned = compute_turned_angle(self._poses[:, address : address + 7], choose_axis(plan))
+        turned = compute_turned_angle(self._poses[:, address : address + 7], choose_axis(plan, trace))
         self._turned_deg = np.degrees(turned)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -133,10 +140,13 @@ class SceneRenderer:
         return self._picture[::-1].copy()
 
     def _describe(self, sample: int) -> str:
-        if self._plan is None or "action_index" not in self._trace:
+        if "action_index" not in self._trace:
             return ""
+        action = int(self._trace["action_index"][sample])
         phase = int(self._trace["phase_index"][sample]) if "phase_index" in self._trace else 0
-        return describe_action(self._plan, int(self._trace["action_index"][sample]), phase)
+        if self._plan is not None:
+            return describe_action(self._plan, action, phase)
+        return read_caption(self._trace, action, phase)
 
     def _measure(self, sample: int) -> str:
         # Adding zero turns -0 into 0.
@@ -191,7 +201,7 @@ def _film(renderer: SceneRenderer, trace: Trace, job: Mapping[str, Any], size: t
     count = max(1, round(float(time[-1] - time[0]) * fps))
     with tempfile.TemporaryFile() as complaints:
         encoder = subprocess.Popen(
-            _encoder_command(job["ffmpeg"], size, fps, job["video"]),
+            _encoder_command(job["ffmpeg"], size, fps, job["video"], job["container"]),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=complaints,
@@ -210,12 +220,21 @@ def _film(renderer: SceneRenderer, trace: Trace, job: Mapping[str, Any], size: t
             raise RenderError(f"the video could not be encoded: {lines[-1] if lines else 'no reason given'}")
 
 
-def _encoder_command(ffmpeg: str, size: tuple[int, int], fps: float, path: str) -> list[str]:
-    """Return the encoder's command: raw RGB on stdin to H.264, in BT.709 of limited range and tagged so."""
+def _encoder_command(ffmpeg: str, size: tuple[int, int], fps: float, path: str, container: str) -> list[str]:
+    """Return the encoder's command: raw RGB on stdin to H.264, in BT.709 of limited range and tagged so; or to a GIF."""
     taken = f"-f rawvideo -pix_fmt rgb24 -s {size[0]}x{size[1]} -framerate {fps} -i -"
+    if container == ".gif":
+        # A palette per picture: one for all would need the whole film in memory.
+        palettes = "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:dither=none"
+        return [
+            ffmpeg,
+            *f"-hide_banner -loglevel error -y {taken} -an -vf {palettes} -loop 0 -f gif".split(),
+            path,
+        ]
     tags = "setparams=range=tv:colorspace=bt709:color_primaries=bt709:color_trc=bt709"
     colours = f"scale=in_range=pc:out_range=tv:out_color_matrix=bt709,format=yuv420p,{tags}"
-    given = f"-an -c:v libx264 -preset veryfast -crf 20 -vf {colours} -movflags +faststart -f mp4"
+    given = f"-an -c:v libx264 -preset veryfast -crf 20 -vf {colours} -movflags +faststart"
+    given += f" -metadata comment={SOFTWARE} -f mp4"
     return [ffmpeg, *f"-hide_banner -loglevel error -y {taken} {given}".split(), path]
 
 

@@ -11,7 +11,7 @@ from dexplan.planning.admissible import Admissibility
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.plan import SOLVED, Action, Plan
 from dexplan.planning.roll_gait import RollToPair, build_roll_actions
-from dexplan.problems.check import PATCH_PER_TIP
+from dexplan.problems.derived import PATCH_PER_TIP
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 
