@@ -30,7 +30,7 @@ from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene
 from dexplan.scene.workspace import load_workspace
 from dexplan.sim import rollout as _rollout
-from dexplan.sim.trace import Trace
+from dexplan.sim.trace import Trace, check_replayable
 from dexplan.sim.validate import ValidationReport, validate_run
 from dexplan.spatial import Array, as_pose
 from dexplan.viz.timeline import build_captions
@@ -192,7 +192,8 @@ def build_options(problem: Problem, **changes: float) -> ControlOptions:
 
 
 def validate(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
-    """Judge a run by replaying it; uses problem and plan as data only."""
+    """Judge a run by replaying it; uses problem and plan as data only.  Raises RunFolderError for a trace that is none."""
+    check_replayable(trace, "the trace")
     return validate_run(problem.as_dict(), plan.as_dict(), trace)
 
 
@@ -233,11 +234,10 @@ def save_run(
 def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
     """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else."""
     folder = Path(folder)
-    return (
-        Problem.load(folder / "problem.toml"),
-        Plan.load(folder / "plan.json"),
-        Trace.load(folder / "trace.npz"),
-    )
+    problem, plan = Problem.load(folder / "problem.toml"), Plan.load(folder / "plan.json")
+    trace = Trace.load(folder / "trace.npz")
+    check_replayable(trace, str(folder / "trace.npz"))
+    return problem, plan, trace
 
 
 def inspect(problem: Problem, folder: str | Path) -> str:

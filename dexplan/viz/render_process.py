@@ -57,6 +57,9 @@ class SceneRenderer:
         self, trace: Trace, plan: Plan | None, size: tuple[int, int], camera: str, is_still: bool
     ) -> None:
         self._trace, self._plan, self._size = trace, plan, size
+        missing = [name for name in ("time", "qpos") if name not in trace]
+        if missing:
+            raise RenderError(f"the trace lacks {' and '.join(missing)}; a trace of a run is needed")
         self._names = read_finger_names(trace)
         self._model = model = mujoco.MjModel.from_xml_string(trace.model_xml)
         cameras = [model.camera(k).name for k in range(model.ncam)]
