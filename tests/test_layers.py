@@ -16,7 +16,7 @@ LINE_LIMIT = 400
 BANNED_NAMES = {"utils", "util", "common", "helpers", "helper", "manager", "managers", "misc"}
 STEPPING_FILES = {"sim/rollout.py", "sim/replay.py"}
 
-GROUND = {"errors", "spatial"}
+GROUND = {"errors", "spatial", "brief"}
 MATH = {"numpy", "scipy"}
 OUTSIDE = {
     "viz",
@@ -45,6 +45,7 @@ class Storey:
 STOREYS = {
     "errors": Storey(set(), set()),
     "spatial": Storey({"errors"}, MATH),
+    "brief": Storey(set(), MATH),
     "contact": Storey(GROUND, MATH),
     "grasp": Storey(GROUND | {"contact"}, MATH | {"osqp", "daqp"}),
     "models": Storey(set(), set()),

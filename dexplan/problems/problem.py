@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import tomli_w
 
+from dexplan.brief import brief_repr
 from dexplan.spatial import Array, direction_from_angles, read_only
 
 FORMAT = 1
@@ -91,6 +92,8 @@ class HandSection:
     """Where each finger stands around the object's home, about world z from x."""
     joint_ranges_deg: Mapping[str, tuple[float, float]] = field(default_factory=FrozenMap)
     """"finger_1.joint_1" -> (lowest, highest) [deg]: narrows a range of the model, never widens it."""
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint_ranges_deg", FrozenMap(self.joint_ranges_deg))
@@ -230,8 +233,13 @@ class Problem:
     control: ControlSection = field(default_factory=ControlSection)
     acceptance: Mapping[str, bool | float] = field(default_factory=FrozenMap)
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "acceptance", FrozenMap(self.acceptance))
+
+    def __str__(self) -> str:
+        return self.as_toml().rstrip("\n")
 
     def as_dict(self) -> dict[str, Any]:
         """Return the problem as the plain dict that its TOML file holds, ``format`` and every default

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.sim.replay import Replay
 from dexplan.sim.world import Flags, Indices
 from dexplan.spatial import Array
@@ -53,6 +54,8 @@ class Case:
     replay: Replay
     limits: Mapping[str, bool | float]
     initial_state: Array | None = None
+
+    __repr__ = brief_repr
 
     def limit(self, name: str) -> float:
         """Return the number behind a limit's name."""

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import show
 from dexplan.errors import RunFolderError
 
 FORMAT = 1
@@ -62,6 +63,19 @@ class Trace:
         object.__setattr__(self, "columns", MappingProxyType(columns))
         # A round trip through JSON now, so that what is in memory equals what a file would give back.
         object.__setattr__(self, "meta", MappingProxyType(json.loads(json.dumps(dict(self.meta)))))
+
+    def __repr__(self) -> str:
+        seconds = float(self["time"][-1]) if self.sample_count else 0.0
+        facts = {"problem": self.meta.get("problem"), "samples": self.sample_count, "seconds": seconds}
+        facts |= {"columns": len(self.columns), "failure": self.meta.get("failure")}
+        return show("Trace", facts.items())
+
+    def __str__(self) -> str:
+        """Return one line about the run, and one per column."""
+        lines = [repr(self)]
+        for name, array in self.columns.items():
+            lines.append(f"  {name:<24} {array.dtype!s:<8} {array.shape}")
+        return "\n".join(lines)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return the column ``name``; KeyError where the trace has none."""

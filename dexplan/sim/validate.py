@@ -22,6 +22,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.sim import checks, checks_contact, checks_forces, checks_physics, checks_rolling
 from dexplan.sim.checks_case import MAY, Case, CheckResult, find_runs
@@ -125,6 +126,8 @@ class ValidationReport:
     seed: int
     format: int = FORMAT
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "checks", tuple(self.checks))
         for key in ("physics", "timing", "versions"):
@@ -134,6 +137,9 @@ class ValidationReport:
         return isinstance(other, ValidationReport) and self.as_dict() == other.as_dict()
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __str__(self) -> str:
+        return f"{self.table()}\n{self.summary_line()}"
 
     def __getitem__(self, name: str) -> CheckResult:
         """Return the result of the check ``name``; KeyError where there is none."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dexplan import pipeline
+from dexplan.brief import brief_repr
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.plan import SOLVED, Action, Plan
@@ -32,6 +33,8 @@ class ThreeToTwo:
     verdict: str
     failures: tuple[str, ...]
     turn: str
+
+    __repr__ = brief_repr
 
 
 def build_three_to_two(problem: Problem, *, is_early: bool = False) -> tuple[Plan | None, str]:
