@@ -78,6 +78,8 @@ class ObjectSection:
     allowed_regions: tuple[AllowedRegion, ...] = ()
     """Contacts may only be made inside one of these cones; none means anywhere."""
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True)
 class HandSection:
@@ -135,6 +137,8 @@ class StartSection:
 
     contacts_deg: tuple[ContactSpec, ...] | Literal["auto"] = "auto"
 
+    __repr__ = brief_repr
+
     @property
     def is_auto(self) -> bool:
         """Whether the planner chooses the first grasp."""
@@ -168,6 +172,8 @@ class GoalSection:
     keep_object: bool = False
     """Grasp adjustment only: whether the object has to be back where it was at the end."""
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True)
 class WeightsSection:
@@ -190,6 +196,8 @@ class GaitSection:
     weights: WeightsSection = WeightsSection()
     """What a plan costs."""
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True)
 class Obstacle:
@@ -200,6 +208,8 @@ class Obstacle:
     kind: Literal["box", "sphere", "capsule"]
     pos_m: tuple[float, float, float]
     size_m: tuple[float, ...]
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)

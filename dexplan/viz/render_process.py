@@ -202,9 +202,12 @@ def _film(renderer: SceneRenderer, trace: Trace, job: Mapping[str, Any], size: t
     """Draw the run in real time and hand each picture to the encoder."""
     fps, time = job["fps"], trace["time"]
     count = max(1, round(float(time[-1] - time[0]) * fps))
+    is_gif = job["container"] == ".gif"
+    # The process stands in a folder of its own, which is removed with all that is in it.
+    film = "film.mp4" if is_gif else job["video"]
     with tempfile.TemporaryFile() as complaints:
         encoder = subprocess.Popen(
-            _encoder_command(job["ffmpeg"], size, fps, job["video"], job["container"]),
+            _encoder_command(job["ffmpeg"], size, fps, film),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=complaints,
@@ -221,19 +224,30 @@ def _film(renderer: SceneRenderer, trace: Trace, job: Mapping[str, Any], size: t
             complaints.seek(0)
             lines = complaints.read().decode(errors="replace").strip().splitlines()
             raise RenderError(f"the video could not be encoded: {lines[-1] if lines else 'no reason given'}")
+    if is_gif:
+        _as_gif(job["ffmpeg"], film, job["video"], fps)
 
 
-def _encoder_command(ffmpeg: str, size: tuple[int, int], fps: float, path: str, container: str) -> list[str]:
-    """Return the encoder's command: raw RGB on stdin to H.264, in BT.709 of limited range and tagged so; or to a GIF."""
+def _as_gif(ffmpeg: str, film: str, path: str, fps: float) -> None:
+    """Turn a film into a GIF: one palette for all of it, and of each picture only what changed.  In two passes, for one would
+    hold the whole film in memory.
+    """
+    palette = f"{film}.png"
+    quiet = [ffmpeg, *["-hide_banner", "-loglevel", "error", "-y", "-i"], film]
+    used = "[0:v][1:v]paletteuse=dither=none:diff_mode=rectangle"
+    for command in (
+        [*quiet, "-vf", "palettegen=stats_mode=full", palette],
+        [*quiet, "-i", palette, "-lavfi", used, "-r", str(fps), "-loop", "0", "-f", "gif", path],
+    ):
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
+        if done.returncode != 0:
+            lines = done.stderr.decode(errors="replace").strip().splitlines()
+            raise RenderError(f"the GIF could not be encoded: {lines[-1] if lines else 'no reason given'}")
+
+
+def _encoder_command(ffmpeg: str, size: tuple[int, int], fps: float, path: str) -> list[str]:
+    """Return the encoder's command: raw RGB on stdin to H.264, in BT.709 of limited range and tagged so."""
     taken = f"-f rawvideo -pix_fmt rgb24 -s {size[0]}x{size[1]} -framerate {fps} -i -"
-    if container == ".gif":
-        # A palette per picture: one for all would need the whole film in memory.
-        palettes = "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:dither=none"
-        return [
-            ffmpeg,
-            *f"-hide_banner -loglevel error -y {taken} -an -vf {palettes} -loop 0 -f gif".split(),
-            path,
-        ]
     tags = "setparams=range=tv:colorspace=bt709:color_primaries=bt709:color_trc=bt709"
     colours = f"scale=in_range=pc:out_range=tv:out_color_matrix=bt709,format=yuv420p,{tags}"
     given = f"-an -c:v libx264 -preset veryfast -crf 20 -vf {colours} -movflags +faststart"
