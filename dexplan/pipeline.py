@@ -26,16 +26,18 @@ from dexplan.planning.planner import refuse
 from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
+from dexplan.run_folder import save_problem, write_whole
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene
 from dexplan.scene.workspace import load_workspace
 from dexplan.sim import rollout as _rollout
-from dexplan.sim.trace import Trace
+from dexplan.sim.trace import Trace, check_replayable
 from dexplan.sim.validate import ValidationReport, validate_run
 from dexplan.sim.world import read_world
 from dexplan.spatial import Array, as_pose
+from dexplan.viz.timeline import build_captions
 
 NORMAL_FORCE = 5.5
 """Normal force that a loaded contact aims at [N]; the force QP raises it where the load asks for more."""
@@ -155,6 +157,8 @@ def rollout(
 ) -> Trace:
     """Run ``plan`` in MuJoCo, closed loop; a failure still returns the trace so far.
 
+    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
+
     ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
     and controller believe (uncertainty).  Raises DexplanError for a plan without actions.
     """
@@ -173,6 +177,7 @@ def rollout(
         meta={
             "problem": problem.name,
             "seed": problem.seed if seed is None else seed,
+            "captions": build_captions(plan),
             **as_run.describe_run(problem, plan.as_dict()),
         },
         progress=progress,
@@ -193,12 +198,17 @@ def build_options(problem: Problem, **changes: Any) -> ControlOptions:
 
 
 def validate(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
-    """Judge a run by replaying it; uses problem and plan as data only."""
+    """Judge a run by replaying it; uses problem and plan as data only.  Raises RunFolderError for a trace that is none."""
+    check_replayable(trace, "the trace")
     return validate_run(problem.as_dict(), plan.as_dict(), trace)
 
 
 def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
-    """Film a trace offscreen, in a process of its own.  Raises RenderError where no renderer can be started."""
+    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``.
+
+    The trace carries its captions; ``plan`` adds marks where the goal's contacts are.  Raises RenderError where no renderer can
+    be started, and for any other suffix.
+    """
     from dexplan.viz.video import render_video
 
     render_video(trace, plan, Path(path))
@@ -217,11 +227,9 @@ def save_run(
     """Write the run folder: problem, plan, model, trace, report and the summary figure."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    problem.save(folder / "problem.toml")
+    save_problem(problem, folder / "problem.toml")
     plan.save(folder / "plan.json")
-    partial = folder / ".model.xml.partial"
-    partial.write_text(trace.model_xml, encoding="utf-8")
-    partial.replace(folder / "model.xml")
+    write_whole(folder / "model.xml", trace.model_xml)
     trace.save(folder / "trace.npz")
     report.save(folder / "report.json")
     draw_run(folder, problem, plan, trace, report)
@@ -247,6 +255,7 @@ def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
     plan = Plan.load(folder / "plan.json")
     model_xml = _read_model(folder / "model.xml")
     trace = Trace.load(folder / "trace.npz")
+    check_replayable(trace, str(folder / "trace.npz"))
     as_run.check_whole(folder / "problem.toml", trace.meta)
     written = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
     found = list(as_run.find_differences(folder / "problem.toml", written, trace.meta))

@@ -9,12 +9,19 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 import dexplan
+from dexplan import run_folder
 from dexplan.cli import main
 from dexplan.errors import ProblemError, RenderError
 from dexplan.problems.problem import Problem
+from dexplan.problems.read import load_problem
+from dexplan.sim.trace import Trace
+from dexplan.viz.canvas import write_picture
 
 
 @pytest.fixture(autouse=True)
@@ -22,6 +29,9 @@ def cwd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Run every test in an empty folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+FILM = b"\0\0\0\x20ftypisom dexplan"
 
 
 class _Plan:
@@ -33,7 +43,7 @@ class _Plan:
         return "the plan in words"
 
     def save(self, path: Path) -> None:
-        path.write_text("{}")
+        path.write_text('{"format": 1, "status": "", "fingers": [], "actions": []}')
 
 
 class _Report:
@@ -47,7 +57,21 @@ class _Report:
         return "PASS all" if self.verdict == "pass" else "FAIL not_dropped 12 mm"
 
     def save(self, path: Path) -> None:
-        path.write_text("{}")
+        path.write_text('{"format": 1, "verdict": "", "checks": []}')
+
+
+def _make_older_run(folder: Path) -> None:
+    """Fill a folder with files that are recognised as a run of ours, as small as they can be."""
+    folder.mkdir(parents=True, exist_ok=True)
+    run_folder.save_problem(load_problem("hold_three"), folder / "problem.toml")
+    _Plan("solved").save(folder / "plan.json")
+    _Report("pass").save(folder / "report.json")
+    (folder / "model.xml").write_text('<mujoco model="m"><geom name="object/surface"/></mujoco>')
+    Trace("<mujoco/>", {"time": np.zeros(1)}, {}).save(folder / "trace.npz")
+    for name in ("summary.png", "frames.png"):
+        canvas = FigureCanvasAgg(Figure(figsize=(1, 1)))
+        write_picture(canvas, folder / name)
+    (folder / "video.mp4").write_bytes(FILM)
 
 
 @pytest.fixture
@@ -55,8 +79,10 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """A pipeline that does nothing, in place of the real one; tests replace its parts."""
 
     def save_run(folder: Path, problem: Problem, plan: Any, trace: Any, report: Any) -> None:
-        for name in ("problem.toml", "plan.json", "model.xml", "trace.npz", "report.json"):
-            (folder / name).write_text("x")
+        _make_older_run(folder)
+        run_folder.save_problem(problem, folder / "problem.toml")
+        for name in ("summary.png", "frames.png", "video.mp4"):
+            (folder / name).unlink()
 
     fake = SimpleNamespace(
         plan=lambda problem: _Plan("solved"),
@@ -65,7 +91,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         inspect=lambda problem, folder: "the numbers",
         save_run=save_run,
         load_run=lambda folder: ("problem", "plan", "trace"),
-        render_run=lambda folder: (folder / "video.mp4").write_text("x"),
+        render_run=lambda folder: (folder / "video.mp4").write_bytes(FILM),
     )
     monkeypatch.setitem(sys.modules, "dexplan.pipeline", fake)  # type: ignore[arg-type]
     monkeypatch.setattr(dexplan, "pipeline", fake, raising=False)
@@ -184,11 +210,12 @@ def test_no_plan_is_an_honest_no(
 ) -> None:
     pipeline.plan = lambda problem: _Plan("start_out_of_reach")
     old = cwd / "there"
-    old.mkdir()
-    for name in ("trace.npz", "report.json", "summary.png", "frames.png", "notes.txt"):
-        (old / name).write_text("old")
+    _make_older_run(old)
+    (old / "notes.txt").write_text("old")
     assert main(["run", "hold_two", "--out", "there"]) == 1
-    assert capsys.readouterr().out.splitlines()[-1] == "FAIL plan start_out_of_reach"
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1] == "FAIL plan start_out_of_reach"
+    assert err.startswith("dexplan: replaces what is in there of an older run: problem.toml, plan.json, ")
     assert sorted(f.name for f in old.iterdir()) == ["notes.txt", "plan.json", "problem.toml"]
     assert main(["plan", "hold_two", "--out", "there"]) == 1
     assert "start_out_of_reach" in capsys.readouterr().out

@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference, smooth_step
@@ -89,6 +90,8 @@ class Command:
     ik_at_limit: bool
     is_done: bool
     failure: str | None
+
+    __repr__ = brief_repr
 
 
 class Controller:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.control.carry import follow_contacts
 from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.detour import interpolate
@@ -83,6 +84,8 @@ class ObjectPath:
     duration: float
     ramp: float
 
+    __repr__ = brief_repr
+
     def progress(self, t: float) -> tuple[float, float, float]:
         """Return how much of the motion is done ``t`` [s] after its start (0..1), and two derivatives in time."""
         return _cruise(t, self.duration, self.ramp)
@@ -147,6 +150,8 @@ class Phase:
     ends_on_touch: bool = False
     rolls: Mapping[int, Roll] = field(default_factory=dict)
 
+    __repr__ = brief_repr
+
     def travelled(self, t: float) -> float:
         """Return how much of its ``postures`` a free finger has passed at ``t`` (0..1).
 
@@ -183,6 +188,8 @@ class Reference:
     start: tuple[tuple[Array, Array] | None, ...]
     normal_force: float
     timing: Timing
+
+    __repr__ = brief_repr
 
     @property
     def duration(self) -> float:

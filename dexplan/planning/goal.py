@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dexplan.brief import brief_repr
 from dexplan.planning.legs import Leg
 from dexplan.spatial import Array, read_only, rotate_about
 
@@ -27,6 +28,8 @@ class RotationGoal:
     angle: float
     shift_W: Array = field(default_factory=lambda: np.zeros(3))
     is_attitude: bool = False
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "X_WO_start", read_only(self.X_WO_start))

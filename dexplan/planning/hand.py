@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.scene.description import FingerDescription, ObjectDescription
 from dexplan.scene.workspace import Workspace
@@ -68,6 +69,8 @@ class HandModel:
     acceleration: float = 2.8
     tip_polar_limit: float = float(np.radians(80.0))
     """Largest angle between a tip's pole and its contact on the tip [rad]."""
+
+    __repr__ = brief_repr
 
     @cached_property
     def p_WF_home(self) -> Array:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import Leg
 from dexplan.planning.lone_clearance import remember_clearances
@@ -44,6 +45,8 @@ class Orbit:
     carry: NDArray[np.intp]
     spin: Array
     limit: tuple[str, ...]
+
+    __repr__ = brief_repr
 
     def run(self, hand: HandModel, leg: Leg, landed: int) -> Array:
         """Return the postures (carry + 1, J) of the finger that landed at station ``landed``, on one branch."""

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.planning.roll import Roll
 from dexplan.spatial import Array, angles_from_direction, as_pose, as_pose7, read_only
@@ -40,6 +41,8 @@ class Placement:
     X_OF: Array
     q: Array
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         for name in ("point_O", "normal_O", "X_OF", "q"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
@@ -61,6 +64,8 @@ class GoalContact:
     finger: int
     point_O: Array
     normal_O: Array
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("point_O", "normal_O"):
@@ -107,6 +112,8 @@ class Action:
     rolls: tuple[Roll, ...] = ()
     way: Array | None = None
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_end", "axis_W"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
@@ -139,11 +146,16 @@ class Plan:
     goal_contacts: tuple[GoalContact | None, ...] | None = None
     normal_ceiling: float = 12.0
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_goal", "axis_W"):
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, read_only(value))
+
+    def __str__(self) -> str:
+        return self.explain()
 
     @property
     def is_solved(self) -> bool:
@@ -219,9 +231,12 @@ class Plan:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write ``plan.json`` atomically."""
         target = Path(path)
-        partial = target.with_name(target.name + ".partial")
-        partial.write_text(json.dumps(self.as_dict(), indent=1) + "\n", encoding="utf-8")
-        partial.replace(target)
+        partial = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+        try:
+            partial.write_text(json.dumps(self.as_dict(), indent=1) + "\n", encoding="utf-8")
+            partial.replace(target)
+        finally:
+            partial.unlink(missing_ok=True)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Plan:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.rolling import RollingPath, roll_turning
 from dexplan.planning.admissible import Admissibility, Margins, compute_finger_states, worst
 from dexplan.planning.following import follow_tip
@@ -47,6 +48,8 @@ class RollPlan:
     lifted: int
     margins: dict[str, float] = field(default_factory=dict)
     pair_margins: dict[str, float] = field(default_factory=dict)
+
+    __repr__ = brief_repr
 
 
 def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: float, count: int) -> Roll:

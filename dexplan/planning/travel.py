@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from dexplan.brief import brief_repr
 from dexplan.planning.detour import Surroundings, bow_arc, find_detour
 from dexplan.planning.spherical_wrist import solve_near
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
@@ -31,6 +32,8 @@ class Way:
     clearance: float
     names: str
     around: str = ""
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "postures", read_only(self.postures))

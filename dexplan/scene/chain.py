@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.spatial import Array, hat, read_only
 
 IK_DAMPING = 1e-4
@@ -33,6 +34,8 @@ class Chain:
     X_JF: Array
     lower: Array
     upper: Array
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("offsets", "axes", "X_JF", "lower", "upper"):

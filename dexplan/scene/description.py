@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.contact.surface import AbstractSurface
 from dexplan.scene.chain import Chain, compute_tip_pose
 from dexplan.spatial import Array, read_only
@@ -36,6 +37,8 @@ class SceneParameters:
     physics_profile: str = "firm"
     obstacles: tuple[Obstacle, ...] = ()
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True, eq=False)
 class FingerDescription:
@@ -54,6 +57,8 @@ class FingerDescription:
     servo_damping: Array
     q_home: Array
 
+    __repr__ = brief_repr
+
     def pose_at(self, q: Array) -> Array:
         """Return X_WF (..., 4, 4) at joint angles ``q`` (..., J) [rad]."""
         return compute_tip_pose(self.chain, q)
@@ -69,6 +74,8 @@ class ContactCone:
 
     axis_O: Array
     half_angle: float
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis_O", read_only(self.axis_O / np.linalg.norm(self.axis_O)))
@@ -90,6 +97,8 @@ class ObjectDescription:
     inertia: Array
     X_WO_home: Array = field(repr=False)
     allowed_regions: tuple[ContactCone, ...] = ()
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("inertia", "X_WO_home"):

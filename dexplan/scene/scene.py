@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.contact.shapes import Sphere
 from dexplan.errors import DexplanError
 from dexplan.scene.chain import Chain, solve_ik, wrap_to_limits
@@ -45,6 +46,8 @@ class Scene:
     object_dof: int
     object_geom: int
     object_body: int
+
+    __repr__ = brief_repr
 
     @property
     def n_fingers(self) -> int:
