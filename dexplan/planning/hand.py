@@ -17,8 +17,10 @@ from dexplan.spatial import Array
 class Probe(Protocol):
     """Kinematic queries that need the hand's full geometry; answered by ``scene.probe.HandProbe``."""
 
-    def compute_clearance(self, q: Array, X_WO: Array, touching: tuple[int, ...]) -> tuple[float, str]:
-        """Return the smallest distance [m] between bodies that should not touch, and their names."""
+    def compute_clearance(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> tuple[float, str]:
+        """Return the smallest distance [m] between bodies that should not touch, and their names; no ``absent`` finger's."""
         ...
 
     def compute_gravity_torque(self, q: Array) -> Array:
