@@ -1,7 +1,7 @@
 """Does a finger that touches, or hovers over its contact, come too near to anything, wherever the other fingers are?
 
-Only what does not depend on them counts: itself, the object, the floor, obstacles.  Another finger may hold anywhere, and only one
-that stays free is at home; who is where is known where whole grasps are judged.
+Only what does not depend on them counts: itself, the object, the floor, obstacles.  Another finger may hold anywhere, and only
+one that stays free is at home; who is where is known where whole grasps are judged.
 
 Asked once per finger, place and direction.  A tip that touches a sphere with its pole along the normal holds the finger's links
 in one place whatever the spin, so that the answer belongs to the direction alone.  Directions are those of a grid as fine as the

@@ -3,32 +3,18 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from dexplan.scene.description import OBJECT, STANDING, Nearness
 from dexplan.scene.scene import Scene
 from dexplan.spatial import Array
 
 SIGHT = 0.02
 """Distances are measured up to this far [m]; anything farther counts as this far."""
-NOBODY = -1
-"""The owner of what belongs to no finger: the object, the floor, the obstacles."""
 SAMPLES = 12
 """Random postures in which a distance has to be the same for it to count as constant."""
-
-
-@dataclass(frozen=True)
-class Overlap:
-    """Two bodies that overlap in every posture of the hand: their ``names``, and how deep [m].
-
-    ``fingers``: whose bodies they are, ascending; one for a finger and something that stands still.
-    """
-
-    names: str
-    depth: float
-    fingers: tuple[int, ...]
 
 
 class HandProbe:
@@ -51,10 +37,12 @@ class HandProbe:
         self._constant = self._find_constant_pairs()
 
     def _find_owner(self, geom: int) -> int:
-        """Return the finger that a geom belongs to, :data:`NOBODY` for any other."""
+        """Return whose a geom is: a finger's number, OBJECT or STANDING."""
+        if geom == self._scene.object_geom:
+            return OBJECT
         first = self._model.geom(geom).name.split("/")[0]
         names = [finger.name for finger in self._scene.fingers]
-        return names.index(first) if first in names else NOBODY
+        return names.index(first) if first in names else STANDING
 
     def _find_constant_pairs(self) -> dict[tuple[int, int], float]:
         """Return the pairs of geoms whose distance no posture changes, with that distance [m]."""
@@ -88,12 +76,11 @@ class HandProbe:
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)
 
-    def find_overlaps(self) -> tuple[Overlap, ...]:
+    def find_overlaps(self) -> tuple[Nearness, ...]:
         """Return the bodies that touch or overlap whatever the hand does, the deepest first: no plan can be carried out."""
         found = [(d, pair) for pair, d in self._constant.items() if d <= 0.0]
         return tuple(
-            Overlap(self._name(*pair), -d, tuple(sorted({self._owner[g] for g in pair} - {NOBODY})))
-            for d, pair in sorted(found)
+            Nearness(d, self._name(*pair), tuple(self._owner[g] for g in pair)) for d, pair in sorted(found)
         )
 
     def compute_clearance(
@@ -101,13 +88,24 @@ class HandProbe:
     ) -> tuple[float, str]:
         """Return the smallest distance [m] between two bodies that should not touch, and which they are.
 
-        ``q`` (F, J) [rad]; tips of the fingers in ``touching`` may touch the object.  Fingers in ``absent`` count as not there,
-        for questions about one finger wherever the others are.  Distances that no posture changes count where a finger is free,
-        which has to keep clear of whatever is not its own; what they are between fingers that hold makes no difference.
+        Arguments as for :meth:`find_nearest`.
+        """
+        nearest = self.find_nearest(q, X_WO, touching, absent)
+        return nearest.distance, nearest.names
+
+    def find_nearest(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> Nearness:
+        """Return which two bodies that should not touch are nearest to one another.
+
+        ``q`` (F, J) [rad]; tips of the fingers in ``touching`` may touch the object.  What belongs to ``absent``, fingers or
+        STANDING, counts as not there, for questions about one finger wherever the others are.  Distances that no posture changes
+        count where a finger is free, which has to keep clear of whatever is not its own; what they are between fingers that hold
+        makes no difference.
         """
         self._place(q, X_WO)
         allowed = {self._touch_pairs[i] for i in touching}
-        owner, held = self._owner, {NOBODY, *touching}
+        owner, held = self._owner, {OBJECT, STANDING, *touching}
         least, nearest = SIGHT, None
         contact = self._data.contact
         for (a, b), distance in zip(contact.geom.tolist(), contact.dist.tolist(), strict=True):
@@ -117,7 +115,9 @@ class HandProbe:
             if i in absent or j in absent or (pair in self._constant and (i == j or {i, j} <= held)):
                 continue
             least, nearest = distance, (a, b)
-        return least, self._name(*nearest) if nearest else "nothing near"
+        if nearest is None:
+            return Nearness(SIGHT, "nothing near")
+        return Nearness(least, self._name(*nearest), tuple(owner[g] for g in nearest))
 
     def _name(self, *geoms: int) -> str:
         return " and ".join(self._model.geom(g).name for g in geoms)
