@@ -279,5 +279,12 @@ def explain_no_pair(hand: HandModel, X_WO: Array, admissibility: Admissibility) 
 
     A cure is named where pairs hold once the condition is left out.  Where none of them alone helps, what refuses most pairs is.
     """
+    everyone = tuple(range(len(hand.fingers)))
+    alone = hand.probe.find_nearest(hand.q_home, X_WO, (), everyone)
+    if alone.distance < (gap := hand.limits.clearance):
+        return (
+            f"{alone.names} would come within {1e3 * alone.distance:.1f} mm there, and {1e3 * gap:.1f} mm have to be left; "
+            f"{Condition.STANDING}"
+        )
     survey = PairSurvey(hand, X_WO, admissibility)
     return "" if survey.find_pair() is not None else survey.explain()

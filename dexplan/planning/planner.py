@@ -15,7 +15,7 @@ from dexplan.planning.contacts import ContactTable
 from dexplan.planning.cost import Improvement
 from dexplan.planning.escape import ENOUGH, count_room, find_escapes
 from dexplan.planning.gaits import build_actions
-from dexplan.planning.goal import RotationGoal, build_detours, build_routes
+from dexplan.planning.goal import RotationGoal, build_detours, build_routes, list_swings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held
 from dexplan.planning.legs import Leg
@@ -24,7 +24,6 @@ from dexplan.planning.plan import SOLVED, Action, Placement, Plan
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.search import CURE, GaitSearch, Node
 from dexplan.planning.spherical_wrist import solve_standing
-from dexplan.spatial import Array
 
 Start = tuple[StartContact | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
@@ -248,28 +247,16 @@ class _Planning:
         if not np.any(self.goal.shift_W):
             return ""
         why = explain_no_pair(self.hand, self.goal.X_WO_goal, self._admissibility)
-        x, y, z = 1e3 * self.goal.shift_W
-        where = f"the goal, ({x:.1f}, {y:.1f}, {z:.1f}) mm from its start"
+        where = "the goal, ({:.1f}, {:.1f}, {:.1f}) mm from its start".format(*(1e3 * self.goal.shift_W))
         return why and f"no two fingers can hold the object at {where}: {why}; shorten goal.translation_m"
-
-    def _choose_swings(self) -> tuple[Array, ...]:
-        """Return horizontal axes (3,) about which the object turns easily: chords of pairs of fingers at home."""
-        if not self.goal.is_attitude:
-            return ()
-        homes, swings = self.hand.p_WF_home, []
-        for i in range(len(homes)):
-            for j in range(i + 1, len(homes)):
-                chord = (homes[j] - homes[i]) * [1.0, 1.0, 0.0]
-                if np.linalg.norm(chord) > 1e-9:
-                    swings.append(chord / np.linalg.norm(chord))
-        return tuple(swings)
 
     def _propose(self, table: ContactTable) -> Iterator[tuple[Leg, ...]]:
         """Yield all routes but the first: those of the goal, and those on which the pair first turns to where there is room.
 
         ``table`` is that of the first route's first leg.
         """
-        straight = build_routes(self.goal, self._choose_swings())[1:]
+        swings = list_swings(self.hand.p_WF_home) if self.goal.is_attitude else ()
+        straight = build_routes(self.goal, swings)[1:]
         held = () if self.start is None else self._find_held(table)
         if len(held) != 2:
             yield from straight
