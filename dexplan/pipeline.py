@@ -15,7 +15,7 @@ from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Timing, build_reference
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.planning.adjustment import plan_grasp_adjustment
-from dexplan.planning.configuration_space import explain_obstruction
+from dexplan.planning.blocked import explain_obstruction
 from dexplan.planning.cost import CostWeights, Improvement
 from dexplan.planning.dextrous import plan_dextrous_manipulation
 from dexplan.planning.fixed_contacts import plan_fixed_contacts
@@ -118,10 +118,11 @@ def plan(problem: Problem) -> Plan:
         )
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
-    if problem.obstacles and (reason := explain_obstruction(hand)):
-        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
+    waiting = None if start is None else tuple(f for f, normal in enumerate(start) if normal is None)
+    if reason := explain_obstruction(hand, waiting):
+        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)

@@ -353,45 +353,6 @@ class ContactTable:
                 free &= normals @ normals[row] <= APART
         return chosen
 
-    def start_pairs(self, count: int = 24) -> list[tuple[tuple[Held, ...], int, float]]:
-        """Return pairs to start from where the problem leaves it to the planner, with promise and load, best first."""
-        found: list[tuple[float, tuple[Held, ...], int, float]] = []
-        chosen = {}
-        for finger, rows in self.candidates.items():
-            usable = np.flatnonzero(
-                self.allows(rows.normals, 0) & ((rows.station == 0) | (not self.leg.is_shift))
-            )
-            chosen[finger] = usable[:: max(1, len(usable) // 200)]
-        for a, b in combinations(sorted(self.candidates), 2):
-            one, two = self.candidates[a], self.candidates[b]
-            i, j = (m.ravel() for m in np.meshgrid(chosen[a], chosen[b], indexing="ij"))
-            cosine = -(one.normals[i] * two.normals[j]).sum(1)
-            promise = np.minimum(np.minimum(one.carry[i], two.carry[j]), max(self.stations, 1))
-            ok = (cosine > compute_opposition(self.beta_max)) & (promise >= min(1, self.stations))
-            ok &= self.keep_order(self.with_free({a: one.normals[i], b: two.normals[j]}))
-            i, j, cosine, promise = i[ok], j[ok], cosine[ok], promise[ok]
-            quick = promise - 8.0 * np.arccos(np.clip(cosine, -1.0, 1.0)) / (2.0 * self.beta_max)
-            best = np.argsort(-quick, kind="stable")[:400]
-            i, j = i[best], j[best]
-            asked = promise[best] if self.stations else np.zeros(len(best), dtype=np.intp)
-            lasting, load = self.estimate(one.normals[i], two.normals[j], asked)
-            for k in np.flatnonzero(lasting >= 0):
-                both = (one.pick(a, int(i[k])), two.pick(b, int(j[k])))
-                found.append((float(lasting[k] - 8.0 * load[k]), both, int(lasting[k]), float(load[k])))
-        found.sort(key=lambda item: -item[0])
-        chosen_pairs: list[tuple[tuple[Held, ...], int, float]] = []
-        taken: list[dict[int, Array]] = []
-        for _, pair, lasting_one, load_one in found:
-            normals = {h.finger: self.normal(h) for h in pair}
-            # Pairs like one that was chosen say nothing new.
-            if any(o.keys() == normals.keys() and min(o[f] @ normals[f] for f in o) > APART for o in taken):
-                continue
-            taken.append(normals)
-            chosen_pairs.append((pair, lasting_one, load_one))
-            if len(chosen_pairs) == count:
-                break
-        return chosen_pairs
-
 
 def _turn(axis: Array, angle: Array, vectors: Array) -> Array:
     """Return ``vectors`` (N, 3) turned about the unit ``axis`` (3,) by ``angle`` (N,) [rad] (Rodrigues' formula)."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
-from dexplan.scene.description import FingerDescription, ObjectDescription
+from dexplan.scene.description import FingerDescription, Nearness, ObjectDescription
 from dexplan.scene.workspace import Workspace
 from dexplan.spatial import Array
 
@@ -18,8 +18,20 @@ from dexplan.spatial import Array
 class Probe(Protocol):
     """Kinematic queries that need the hand's full geometry; answered by ``scene.probe.HandProbe``."""
 
-    def compute_clearance(self, q: Array, X_WO: Array, touching: tuple[int, ...]) -> tuple[float, str]:
-        """Return the smallest distance [m] between bodies that should not touch, and their names."""
+    def compute_clearance(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> tuple[float, str]:
+        """Return the smallest distance [m] between bodies that should not touch, and their names; nothing ``absent`` counts."""
+        ...
+
+    def find_nearest(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> Nearness:
+        """Return the same with whose bodies they are."""
+        ...
+
+    def find_overlaps(self) -> tuple[Nearness, ...]:
+        """Return the bodies that touch or overlap whatever the hand does, the deepest first."""
         ...
 
     def compute_gravity_torque(self, q: Array) -> Array:

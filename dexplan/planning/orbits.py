@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dexplan.brief import brief_repr
 from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import Leg
-from dexplan.planning.lone_clearance import remember_clearances
+from dexplan.planning.lone_clearance import list_others, remember_clearances
 from dexplan.planning.spherical_wrist import estimate_dexterity, solve_near, solve_tip_pose
 from dexplan.planning.travel import wrap_near
 from dexplan.spatial import Array, make_pose, read_only
@@ -191,12 +191,12 @@ def _look_around(
     reason: NDArray[np.object_],
     every: int,
 ) -> None:
-    """Take out the stations at which the finger, all others at home, comes too near to something.
+    """Take out the stations at which the finger comes too near to something, wherever the others are.
 
     One station in ``every`` is looked at and speaks for its neighbours: whatever a plan goes through is looked at again.
     """
     shifts = leg.motions[1]
-    posture = hand.q_home
+    posture, others = hand.q_home, list_others(hand, finger)
     group = np.arange(ok.shape[1]) // every
     for row in range(len(ok)):
         for g in np.unique(group[ok[row]]):
@@ -204,7 +204,7 @@ def _look_around(
             k = int(stations[len(stations) // 2])
             posture[finger] = q[row, k]
             clearance, names = hand.probe.compute_clearance(
-                posture, make_pose(p=leg.center + shifts[k]), (finger,)
+                posture, make_pose(p=leg.center + shifts[k]), (finger,), others
             )
             if clearance < hand.limits.clearance:
                 ok[row, stations] = False
