@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from dexplan.planning.admissible import Admissibility, Margins, worst
+from dexplan.planning.admissible import Admissibility, worst
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.escape import DEAR, ENOUGH, count_room_at, find_places
 from dexplan.planning.gaits import build_hold
@@ -48,7 +48,7 @@ class _Candidate:
 
 @dataclass(eq=False)
 class PairRolls:
-    """Looks for ways to roll the two ``contacts`` that hold the object at the start of ``goal`` so that a third finger finds room."""
+    """Looks for ways to roll the ``contacts`` of a pair that holds the object, so that a third finger finds room beside them."""
 
     hand: HandModel
     goal: RotationGoal
@@ -91,7 +91,9 @@ class PairRolls:
             toward = np.cos(azimuth) * frame[:, 0] + np.sin(azimuth) * frame[:, 1]
             angles = (angle * shares[0], angle * shares[1])
             ends = [_advance(c.normal_O, toward, x) for c, x in zip((a, b), angles, strict=True)]
-            if not all(hand.object.allows(np.stack(ends))) or -(ends[0] @ ends[1]) < np.cos(2.0 * table.beta_max):
+            if not all(hand.object.allows(np.stack(ends))) or -(ends[0] @ ends[1]) < np.cos(
+                2.0 * table.beta_max
+            ):
                 continue
             normals = {c.finger: R_WO @ n for c, n in zip((a, b), ends, strict=True)}
             if room := count_room_at(table, normals, places):
@@ -150,7 +152,7 @@ def build_pair_roll_action(hand: HandModel, goal: RotationGoal, rolled: Rolled) 
         angle=0.0,
         contacts_end=rolled.contacts,
         phases=(PlannedPhase("roll", tuple(MUST_NOT if c is None else MUST for c in rolled.contacts)),),
-        why=f"beside contacts this opposite no other finger finds room; {who} roll{'s' * (len(rolled.rolls) == 1)} until one does",
+        why=f"no gait was found from the start contacts; after a roll of {who} another finger finds room",
         margins=rolled.margins,
         rolls=rolled.rolls,
     )

@@ -22,6 +22,7 @@ from dexplan.planning.plan import SOLVED, Action, Placement, Plan
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.search import CURE, GaitSearch, Node
 from dexplan.planning.spherical_wrist import solve_standing
+from dexplan.planning.start_pairs import explain_locked_joint, explain_no_start, find_start_pairs
 from dexplan.spatial import Array
 
 Start = tuple[Array | Placement | None, ...] | None
@@ -237,7 +238,7 @@ class _Planning:
             return ""
         # Held still there: any attitude will do for a ball.
         table = ContactTable(self.hand, Leg(self.goal.X_WO_goal, VERTICAL))
-        if table.start_pairs(1):
+        if find_start_pairs(table, 1):
             return ""
         x, y, z = 1e3 * self.goal.shift_W
         where = (
@@ -300,7 +301,7 @@ class _Planning:
     def _begin(self, route: tuple[Leg, ...]) -> GaitSearch:
         search = GaitSearch(self.hand, route, self._admissibility, self.primitives)
         if self.start is None:
-            for pair, promise, load in search.tables[0].start_pairs():
+            for pair, promise, load in find_start_pairs(search.tables[0]):
                 search.begin(pair, promise, load)
         elif held := self._find_held(search.tables[0]):
             search.begin(held)
@@ -335,25 +336,24 @@ class _Planning:
         """Begin the first route, or return the refusal of the start."""
         table = search.tables[0]
         if self.start is None:
-            pairs = table.start_pairs()
+            pairs = find_start_pairs(table)
             for pair, promise, load in pairs:
                 search.begin(pair, promise, load)
             if pairs:
                 return None
-            return self._refuse(
-                "no_force_closure_pair",
-                f"no two fingers reach contacts {table.needed_angle()}; {self._suggest_cure('')}",
-            )
+            return self._refuse(*explain_no_start(table))
         held: list[Held] = []
         for finger, given in enumerate(self.start):
             if given is None:
                 continue
             name, contact = self.hand.fingers[finger].name, self._contact(table, finger)
             if contact is None:
+                locked = explain_locked_joint(self.hand, finger)
+                cure = "widen hand.joint_ranges_deg" if locked else "move the contact towards the finger"
                 return self._refuse(
                     "start_unreachable",
-                    f"{name} cannot hold its start contact: it lies outside the finger's workspace or "
-                    'against a joint limit; move the contact towards the finger, or set start.contacts_deg = "auto"',
+                    f"{name} cannot hold its start contact: {locked or table.start_limits[finger]}; "
+                    f'{cure}, or set start.contacts_deg = "auto"',
                 )
             if not table.allows(table.normal(contact), 0):
                 return self._refuse(

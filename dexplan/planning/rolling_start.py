@@ -15,8 +15,8 @@ from dexplan.planning.cost import Improvement
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
-from dexplan.planning.plan import Plan
 from dexplan.planning.pair_roll import PairRolls, join_pair_roll
+from dexplan.planning.plan import Plan
 from dexplan.planning.planner import FIRST, Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan, RollToPair, build_roll_actions
 
