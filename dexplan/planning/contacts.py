@@ -5,6 +5,7 @@ Contacts live on the orbits of ``orbits.py``; what pairs of them carry is asked 
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -20,7 +21,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Candidates, Held, Landfall, Landing
 from dexplan.planning.legs import STEP, Leg
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
-from dexplan.planning.orbits import Orbit, build_fixed_orbit, build_orbits
+from dexplan.planning.orbits import OUT_OF_REACH, Orbit, build_fixed_orbit, build_orbits
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import (
     ORDER_GAP,
@@ -53,6 +54,8 @@ class ContactTable:
     hand: HandModel
     leg: Leg
     orbits: list[Orbit] = field(default_factory=list)
+    start_limits: dict[int, str] = field(default_factory=dict)
+    """What keeps fingers from the start contacts that they were asked for and cannot hold."""
     _runs: dict[tuple[int, int], list[FingerState]] = field(default_factory=dict)
     _trees: dict[int, cKDTree] = field(default_factory=dict)
 
@@ -90,6 +93,15 @@ class ContactTable:
             self.orbits += landings.orbits
         return found
 
+    def explain_reach(self, finger: int) -> tuple[bool, str]:
+        """Return whether a finger can touch the object anywhere, and what stops it at most places where it cannot."""
+        landings, limits = self._landings[finger], Counter[str]()
+        for orbit in landings.orbits:
+            limits.update(orbit.limit[k] for k in np.flatnonzero(~orbit.is_reached))
+        # Far around the object every finger's workspace ends: that says something only where nothing else does.
+        ranked = sorted(limits, key=lambda text: (text == OUT_OF_REACH, -limits[text], text))
+        return bool(len(landings.stand.orbit)), ranked[0] if ranked else ""
+
     def foresee_carry(self, finger: int, normal: Array) -> int:
         """Return for how many stations the finger could about carry a contact along ``normal`` (3,) in W from the leg's start.
 
@@ -117,6 +129,7 @@ class ContactTable:
     def _start(self, finger: int, orbit: Orbit) -> Held | None:
         self.orbits.append(orbit)
         if not orbit.is_reached[0]:
+            self.start_limits[finger] = orbit.limit[0]
             return None
         return Held(finger, len(self.orbits) - 1, 0, 0, int(orbit.carry[0]))
 

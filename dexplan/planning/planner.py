@@ -24,6 +24,7 @@ from dexplan.planning.plan import SOLVED, Action, Placement, Plan
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.search import CURE, GaitSearch, Node
 from dexplan.planning.spherical_wrist import solve_standing
+from dexplan.planning.start_pairs import explain_unreachable
 
 Start = tuple[StartContact | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
@@ -372,6 +373,8 @@ class _Planning:
 
     def _begin_off_the_orbits(self, search: GaitSearch) -> Plan | None:
         """Begin with a pair of a finer grid where none of the orbits' holds, or return the refusal that says why none does."""
+        if why := explain_unreachable(search.tables[0]):
+            return self._refuse("start_unreachable", why)
         survey = PairSurvey(self.hand, self.goal.X_WO_start, self._admissibility)
         found = survey.find_pair()
         if found is None:

@@ -15,12 +15,17 @@ from dexplan.planning.cost import Improvement
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
+from dexplan.planning.pair_roll import PairRolls, join_pair_roll
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import FIRST, Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan, RollToPair, build_roll_actions
 
 OPTIONS = 8
 """Ways to roll that are tried before the goal is given up."""
+PAIR_OPTIONS = 4
+"""The same for a pair."""
+STUCK = ("no_admissible_pair", "no_gait", "budget_exhausted")
+"""Answers after which rolling may help."""
 
 
 def plan_object_manipulation(
@@ -33,9 +38,11 @@ def plan_object_manipulation(
 ) -> Plan:
     """Return a plan that takes the object to ``goal``; arguments as in :func:`plan_rotation`."""
     plan = plan_rotation(hand, goal, start, node_budget, primitives, improvement)
-    stuck = ("no_admissible_pair", "no_gait", "budget_exhausted")
-    if plan.status not in stuck or sum(c is not None for c in plan.start_contacts) < 3:
+    touching = sum(c is not None for c in plan.start_contacts)
+    if plan.status not in STUCK or touching < 2:
         return plan
+    if touching == 2:
+        return _roll_pair(hand, goal, plan, node_budget, primitives, improvement)
     rolling = RollToPair(hand, goal.X_WO_start, plan.start_contacts, Admissibility(hand))
     refused: list[Plan] = []
     left = node_budget - int(plan.statistics["nodes"])
@@ -61,6 +68,29 @@ def plan_object_manipulation(
         status=status,
         reason=f"{plan.reason}; after rolling ({tried}): {telling.status}: {telling.reason}",
     )
+
+
+def _roll_pair(
+    hand: HandModel,
+    goal: RotationGoal,
+    plan: Plan,
+    node_budget: int,
+    primitives: tuple[Literal["substitution", "rewind"], ...],
+    improvement: Improvement,
+) -> Plan:
+    """Return a plan that begins with rolling the two start contacts of ``plan``, which found no gait; else why there is none."""
+    rolling = PairRolls(hand, goal, plan.start_contacts, Admissibility(hand))
+    left, refused = node_budget - int(plan.statistics.get("nodes", 0)), list[Plan]()
+    for number, option in enumerate(islice(rolling.options(), PAIR_OPTIONS)):
+        share = left // (PAIR_OPTIONS - number)
+        if share < 1:
+            break
+        rest = plan_rotation(hand, goal, option.contacts, share, primitives, improvement)
+        left -= int(rest.statistics.get("nodes", 0))
+        if rest.is_solved:
+            return join_pair_roll(hand, goal, plan, option, rest)
+        refused.append(rest)
+    return plan
 
 
 def _join(hand: HandModel, goal: RotationGoal, start: Plan, option: RollPlan, rest: Plan) -> Plan:

@@ -1,4 +1,4 @@
-"""Pairs to start from where the problem leaves it to the planner."""
+"""Pairs to start from where the problem leaves it to the planner, and who is missing where fewer than two fingers reach."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from dexplan.planning.contacts import APART, ContactTable
+from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held
 from dexplan.planning.regions import compute_opposition
 from dexplan.spatial import Array
@@ -83,3 +84,35 @@ def _propose(table: ContactTable) -> list[StartPair]:
             for k in np.flatnonzero(lasting >= 0)
         ]
     return found
+
+
+REACH_CURE = "use a smaller object, widen hand.joint_ranges_deg, or move the fingers' bases"
+
+
+def explain_unreachable(table: ContactTable) -> str:
+    """Return who can touch the object nowhere, where fewer than two fingers can, and what would help; "" where two can."""
+    hand = table.hand
+    reach = {finger: table.explain_reach(finger) for finger in range(len(hand.fingers))}
+    idle = [finger for finger, (reaches, _) in reach.items() if not reaches]
+    if len(hand.fingers) - len(idle) >= 2:
+        return ""
+    why = "; ".join(explain_locked_joint(hand, f) or f"{hand.fingers[f].name}: {reach[f][1]}" for f in idle)
+    names = _join([hand.fingers[f].name for f in idle])
+    return f"two fingers have to hold the object, and {names} can touch it nowhere where it stands ({why}); {REACH_CURE}"
+
+
+def explain_locked_joint(hand: HandModel, finger: int) -> str:
+    """Return which joint of a finger has no room between its limits for holding anything, in words; "" where all have."""
+    description, margin = hand.fingers[finger], hand.limits.joint_margin
+    ranges = description.chain.upper - description.chain.lower
+    if ranges.min() >= 2.0 * margin - 1e-9:
+        return ""
+    name = description.joint_names[int(ranges.argmin())].replace("/", ".")
+    return (
+        f"{name} has a range of {np.degrees(ranges.min()):.1f} deg, and a finger that holds keeps {np.degrees(margin):.0f} deg "
+        "to either end"
+    )
+
+
+def _join(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
