@@ -22,9 +22,11 @@ from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import refuse
 from dexplan.planning.rolling_start import plan_object_manipulation
+from dexplan.planning.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
+from dexplan.scene.penetration import compute_force_at
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene
 from dexplan.scene.workspace import load_workspace
@@ -32,9 +34,6 @@ from dexplan.sim import rollout as _rollout
 from dexplan.sim.trace import Trace
 from dexplan.sim.validate import ValidationReport, validate_run
 from dexplan.spatial import Array, as_pose
-
-NORMAL_FORCE = 5.5
-"""Normal force that a loaded contact aims at [N]; the force QP raises it where the load asks for more."""
 
 
 def build_scene(problem: Problem) -> Scene:
@@ -60,19 +59,26 @@ def build_scene(problem: Problem) -> Scene:
 def build_hand(problem: Problem, scene: Scene) -> HandModel:
     """Return what the planner may know of ``scene``, with the friction that ``problem`` believes in."""
     center = scene.object.X_WO_home[:3, 3]
-    timing = build_timing(problem)
+    timing, squeeze = build_timing(problem), build_squeeze(problem, scene)
     return HandModel(
         fingers=scene.fingers,
         object=replace(scene.object, allowed_regions=build_allowed_regions(problem)),
         workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
         friction=SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m),
         probe=HandProbe(scene),
-        limits=AdmissibleLimits(),
-        normal_force=NORMAL_FORCE,
+        limits=AdmissibleLimits(normal_floor=squeeze.floor, normal_ceiling=squeeze.ceiling),
+        normal_force=squeeze.normal,
         hover=timing.hover,
         acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
         tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
     )
+
+
+def build_squeeze(problem: Problem, scene: Scene) -> Squeeze:
+    """Return how hard the fingers of ``scene`` squeeze the object of ``problem``."""
+    friction = SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
+    bearable, greatest = (compute_force_at(scene, depth) for depth in (DEPTH, DEPTH_CEILING))
+    return choose_squeeze(scene.object.mass, friction, bearable, greatest)
 
 
 def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
@@ -112,6 +118,8 @@ def plan(problem: Problem) -> Plan:
         )
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
+    if reason := build_squeeze(problem, scene).refusal:
+        return replace(refuse(hand, goal, "object_too_light", reason), goal_kind=asked.kind)
     if problem.obstacles and (reason := explain_obstruction(hand)):
         return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
     contacts = problem.start.contacts_deg
@@ -173,13 +181,7 @@ def rollout(
 
 def build_options(problem: Problem, **changes: float) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
-    limits = AdmissibleLimits()
-    options = ControlOptions(
-        problem.friction.believed_sliding,
-        problem.friction.believed_torsional_m,
-        normal_floor=limits.normal_floor,
-        normal_ceiling=limits.normal_ceiling,
-    )
+    options = ControlOptions(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
     return replace(options, **changes)
 
 

@@ -174,7 +174,7 @@ def smooth_step(s: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The phases of a whole plan, where the fingers start, and the normal force [N] of a fully loaded contact.
+    """The phases of a whole plan, where the fingers start, and the normal forces [N] of a fully loaded contact.
 
     ``start`` holds per finger the tip in the object frame (4, 4) and its posture (J,), None for a finger that starts at home.
     """
@@ -183,6 +183,8 @@ class Reference:
     start: tuple[tuple[Array, Array] | None, ...]
     normal_force: float
     timing: Timing
+    normal_floor: float = 4.0
+    normal_ceiling: float = 12.0
 
     @property
     def duration(self) -> float:
@@ -202,7 +204,7 @@ def build_reference(plan: Plan, fingers: tuple[FingerDescription, ...], timing: 
         phases.extend(builder.build())
         contacts = action.contacts_end
     start = tuple(None if c is None else (c.X_OF, c.q) for c in plan.start_contacts)
-    return Reference(tuple(phases), start, plan.normal_force, timing)
+    return Reference(tuple(phases), start, plan.normal_force, timing, plan.normal_floor, plan.normal_ceiling)
 
 
 @dataclass(eq=False)

@@ -121,6 +121,8 @@ class Plan:
     ``turned_angle`` is the signed unwrapped turn of the goal [rad], None where the goal is an attitude without an axis.
     ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.  ``goal_contacts`` says per finger where
     it has to touch in the end, None where it has to be free; None instead of the tuple where the goal names no contacts.
+    ``normal_force`` [N] is what a loaded contact aims at; no contact bears less than ``normal_floor`` or more than
+    ``normal_ceiling`` of it at full load.
     """
 
     status: str
@@ -136,6 +138,8 @@ class Plan:
     normal_force: float
     statistics: Mapping[str, float] = field(default_factory=dict)
     goal_contacts: tuple[GoalContact | None, ...] | None = None
+    normal_floor: float = 4.0
+    normal_ceiling: float = 12.0
 
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_goal", "axis_W"):
@@ -156,6 +160,8 @@ class Plan:
             "reason": self.reason,
             "fingers": list(self.fingers),
             "normal_force_N": self.normal_force,
+            "normal_floor_N": self.normal_floor,
+            "normal_ceiling_N": self.normal_ceiling,
             "start": {
                 "object_pose": _pose(self.X_WO_start),
                 "contacts": self._contacts(self.start_contacts),
@@ -289,6 +295,9 @@ class Plan:
             start_contacts=contacts(data["start"]["contacts"]),
             actions=actions,
             normal_force=float(data["normal_force_N"]),
+            # Older files do not say: these were the only ones.
+            normal_floor=float(data.get("normal_floor_N", 4.0)),
+            normal_ceiling=float(data.get("normal_ceiling_N", 12.0)),
             statistics=data["statistics"],
             goal_contacts=None
             if wanted is None
