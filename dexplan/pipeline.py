@@ -11,6 +11,7 @@ import numpy as np
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Timing, build_reference
+from dexplan.control.speed import compute_speed
 from dexplan.errors import DexplanError
 from dexplan.planning.adjustment import plan_grasp_adjustment
 from dexplan.planning.configuration_space import explain_obstruction
@@ -106,7 +107,14 @@ def build_improvement(problem: Problem) -> Improvement:
 def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
-    hand = build_hand(problem, scene)
+    found = _find_plan(problem, scene, build_hand(problem, scene))
+    if not found.actions:
+        return found
+    return replace(found, speed=compute_speed(build_reference(found, scene.fingers, build_timing(problem))))
+
+
+def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
+    """Return the plan of the room that answers the goal's kind."""
     X_WO, asked = scene.object.X_WO_home, problem.goal
     shift = np.array(asked.translation_m)
     if asked.rotation is not None:

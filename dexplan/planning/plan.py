@@ -16,6 +16,7 @@ import numpy as np
 
 from dexplan.errors import RunFolderError
 from dexplan.planning.roll import Roll
+from dexplan.planning.speed import PlannedSpeed
 from dexplan.spatial import Array, angles_from_direction, as_pose, as_pose7, read_only
 
 FORMAT = 1
@@ -122,7 +123,7 @@ class Plan:
     ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.  ``goal_contacts`` says per finger where
     it has to touch in the end, None where it has to be free; None instead of the tuple where the goal names no contacts.
     ``normal_force`` [N] is what a loaded contact aims at; no contact bears less than ``normal_floor`` or more than
-    ``normal_ceiling`` of it at full load.
+    ``normal_ceiling`` of it at full load.  ``speed`` says how fast the object turns; None where it never turns, or nobody asked.
     """
 
     status: str
@@ -140,6 +141,7 @@ class Plan:
     goal_contacts: tuple[GoalContact | None, ...] | None = None
     normal_floor: float = 4.0
     normal_ceiling: float = 12.0
+    speed: PlannedSpeed | None = None
 
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_goal", "axis_W"):
@@ -176,6 +178,7 @@ class Plan:
                 "contacts": None if self.goal_contacts is None else self._contacts(self.goal_contacts),
             },
             "actions": [self._action(k, action) for k, action in enumerate(self.actions)],
+            "speed": None if self.speed is None else self.speed.as_dict(),
             "statistics": dict(self.statistics),
         }
 
@@ -298,6 +301,7 @@ class Plan:
             # Older files do not say: these were the only ones.
             normal_floor=float(data.get("normal_floor_N", 4.0)),
             normal_ceiling=float(data.get("normal_ceiling_N", 12.0)),
+            speed=None if data.get("speed") is None else PlannedSpeed.from_dict(data["speed"]),
             statistics=data["statistics"],
             goal_contacts=None
             if wanted is None
@@ -311,6 +315,8 @@ class Plan:
         """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
         lines = [f"status: {self.status}" + (f" ({self.reason})" if self.reason else "")]
         lines += self._goal_words()
+        if self.speed is not None:
+            lines.append(f"speed: {self.speed}")
         before = self.start_contacts
         for k, a in enumerate(self.actions):
             lines.append(f"{k + 1:3d}. {self._sentence(a, before)}")

@@ -19,7 +19,7 @@ judge's limit: 125 um leave a fifth."""
 TOUCH_DOWN, TOUCH_DOWN_PER_MASS = 0.30, 20.0
 """Force [N] with which a landing tip hits the object, and what an object's own mass adds to that [N/kg].
 
-Measured step by step over the six landings of a gait, at ``Timing.touch_speed`` (10 mm/s): 0.29 to 0.36 N at 2.7 g, 0.96 to 1.55 N
+Measured step by step over the six landings of a gait, at ``Timing.touch_speed`` (10 mm/s): 0.29 to 0.36 N at 2.7 g, 1.0 to 1.6 N
 at 60 g.  The contact takes the landing speed away within its time constant, from the object and from the fingers behind it.  With
 more squeeze the force that the finger is told to bear next, a quarter of the squeeze, hides this (0.5 N for 2.7 g at 1.2 N).  The
 two contacts that hold take it sideways: for 2.7 g all slid with 0.3 N (7 um), one of six with 0.6 N (2 um), none with 1.2 N."""

@@ -1,9 +1,9 @@
 """How deep a fingertip stands in the object when it presses: MuJoCo's contact at rest, in closed form.
 
-A contact row of MuJoCo holds ``a + R f = a_ref``, where ``a`` is the acceleration of the two surfaces along the normal.  At
-rest ``a = 0`` and the reference acceleration is that of a spring, ``a_ref = k d(r) r`` at depth ``r``, with ``solref = (t, zeta)``,
-``k = 1 / (d_max t zeta)^2`` and the impedance ``d`` of ``solimp``.  The regularisation is ``R = (1 - d) / d A`` with ``A`` the sum
-of the two bodies' inverse masses (``body_invweight0``).  So
+A contact row of MuJoCo holds ``a + R f = a_ref``, where ``a`` is the acceleration of the two surfaces along the normal.
+At rest ``a = 0`` and the reference acceleration is that of a spring, ``a_ref = k d(r) r`` at depth ``r``, with the impedance
+``d`` of ``solimp`` and ``k = 1 / (d_max t zeta)^2`` for ``solref = (t, zeta)``.  The regularisation is ``R = (1 - d) / d A``
+with ``A`` the sum of the two bodies' inverse masses (``body_invweight0``).  So
 
     f(r) = k r d(r)^2 / ((1 - d(r)) A).
 
