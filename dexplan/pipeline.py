@@ -13,6 +13,7 @@ import numpy as np
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Timing, build_reference
+from dexplan.control.speed import compute_speed
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.planning.adjustment import plan_grasp_adjustment
 from dexplan.planning.blocked import explain_obstruction
@@ -24,11 +25,13 @@ from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import refuse
 from dexplan.planning.rolling_start import plan_object_manipulation
+from dexplan.planning.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.run_folder import save_problem, write_whole
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
+from dexplan.scene.penetration import compute_force_at
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene
 from dexplan.scene.workspace import load_workspace
@@ -38,9 +41,6 @@ from dexplan.sim.validate import ValidationReport, validate_run
 from dexplan.sim.world import read_world
 from dexplan.spatial import Array, as_pose
 from dexplan.viz.timeline import build_captions
-
-NORMAL_FORCE = 5.5
-"""Normal force that a loaded contact aims at [N]; the force QP raises it where the load asks for more."""
 
 
 def build_scene(problem: Problem) -> Scene:
@@ -66,19 +66,26 @@ def build_scene(problem: Problem) -> Scene:
 def build_hand(problem: Problem, scene: Scene) -> HandModel:
     """Return what the planner may know of ``scene``, with the friction that ``problem`` believes in."""
     center = scene.object.X_WO_home[:3, 3]
-    timing = build_timing(problem)
+    timing, squeeze = build_timing(problem), build_squeeze(problem, scene)
     return HandModel(
         fingers=scene.fingers,
         object=replace(scene.object, allowed_regions=build_allowed_regions(problem)),
         workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
         friction=SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m),
         probe=HandProbe(scene),
-        limits=AdmissibleLimits(),
-        normal_force=NORMAL_FORCE,
+        limits=AdmissibleLimits(normal_floor=squeeze.floor, normal_ceiling=squeeze.ceiling),
+        normal_force=squeeze.normal,
         hover=timing.hover,
         acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
         tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
     )
+
+
+def build_squeeze(problem: Problem, scene: Scene) -> Squeeze:
+    """Return how hard the fingers of ``scene`` squeeze the object of ``problem``."""
+    friction = SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
+    bearable, greatest = (compute_force_at(scene, depth) for depth in (DEPTH, DEPTH_CEILING))
+    return choose_squeeze(scene.object.mass, friction, bearable, greatest)
 
 
 def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
@@ -106,7 +113,14 @@ def build_improvement(problem: Problem) -> Improvement:
 def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
-    hand = build_hand(problem, scene)
+    found = _find_plan(problem, scene, build_hand(problem, scene))
+    if not found.actions:
+        return found
+    return replace(found, speed=compute_speed(build_reference(found, scene.fingers, build_timing(problem))))
+
+
+def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
+    """Return the plan of the room that answers the goal's kind."""
     X_WO, asked = scene.object.X_WO_home, problem.goal
     shift = np.array(asked.translation_m)
     if asked.rotation is not None:
@@ -118,6 +132,8 @@ def plan(problem: Problem) -> Plan:
         )
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
+    if reason := build_squeeze(problem, scene).refusal:
+        return replace(refuse(hand, goal, "object_too_light", reason), goal_kind=asked.kind)
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
     waiting = None if start is None else tuple(f for f, normal in enumerate(start) if normal is None)
@@ -187,12 +203,9 @@ def rollout(
 
 def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
-    limits = AdmissibleLimits()
     options = ControlOptions(
         problem.friction.believed_sliding,
         problem.friction.believed_torsional_m,
-        normal_floor=limits.normal_floor,
-        normal_ceiling=limits.normal_ceiling,
         force_solver=problem.control.force_solver,
     )
     return replace(options, **changes)

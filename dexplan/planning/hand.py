@@ -45,6 +45,9 @@ class AdmissibleLimits:
 
     joint_margin: float = float(np.radians(5.0))
     """Distance of every joint to its limits [rad]."""
+    travel_margin: float = float(np.radians(4.0))
+    """The same for a free finger on its way [rad].  The judge asks 3 degrees of every finger at every sample; the rest is for
+    what execution adds."""
     dexterity: float = 0.25
     """Smallest singular value of a loaded finger's Jacobian, lengths in 60 mm: away from singular postures."""
     cone_share: float = 0.98

@@ -81,6 +81,7 @@ def _answer(
         start_contacts=contacts,
         actions=actions,
         normal_force=hand.normal_force,
+        normal_floor=hand.limits.normal_floor,
         normal_ceiling=hand.limits.normal_ceiling,
         statistics=statistics,
     )

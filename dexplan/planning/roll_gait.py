@@ -22,7 +22,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.roll import Roll
-from dexplan.planning.travel import build_travel, compute_hover, wrap_near
+from dexplan.planning.travel import build_travel, compute_hover, compute_travel_margin, refine, wrap_near
 from dexplan.scene.chain import compute_joint_margin, solve_ik
 from dexplan.spatial import Array
 
@@ -269,6 +269,12 @@ class RollToPair:
         assert third is not None
         hover = compute_hover(description, self.X_WO, third.X_OF, third.normal_O, third.q, self.hand.hover)
         way = build_travel(description, description.q_home, hover, self.X_WO[:3, 3])
+        margin = float(compute_joint_margin(description.chain, refine(way)).min())
+        if margin < compute_travel_margin(self.hand, lifted):
+            return (
+                None,
+                f"{description.name} comes within {np.degrees(margin):.1f} deg of a joint limit when it leaves",
+            )
         clearance, names = self.admissibility.compute_path_clearance(q, self.X_WO, lifted, way, pair)
         if clearance < self.hand.limits.clearance:
             return None, f"{names} too near when {description.name} leaves"

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dexplan.sim import (
     checks,
@@ -143,6 +144,7 @@ def validate_run(
         "replay_s": round(stepped - began, 3),
         "checks_s": round(time.perf_counter() - stepped, 3),
         **_describe_quiet(case),
+        **_describe_speed(case),
     }
     return ValidationReport(
         name=str(problem.get("name", "")),
@@ -213,4 +215,20 @@ def _describe_quiet(case: Case) -> dict[str, Any]:
         "non_quiet_s": round(loud, 6),
         "touch_windows": relocations,
         "non_quiet_s_per_touch_window": round(loud / relocations, 6) if relocations else None,
+    }
+
+
+def _describe_speed(case: Case) -> dict[str, Any]:
+    """Return how fast the object was asked to turn, how fast its reference turned, and what limited that as the plan has it."""
+    quat = case.reference[:, 3:]
+    known = np.isfinite(quat).all() and len(quat) > 1 and bool((np.linalg.norm(quat, axis=1) > 0).all())
+    fastest = 0.0
+    if known:
+        turn = Rotation.from_quat(quat, scalar_first=True)
+        fastest = float(np.degrees((turn[1:] * turn[:-1].inv()).magnitude().max()) / case.sample_time)
+    planned = case.plan.get("speed")
+    return {
+        "speed_asked_deg_s": case.problem["control"]["speed_deg_s"],
+        "speed_reached_deg_s": round(fastest, 6) if known else None,
+        "speed_limited_by": planned.get("words") if isinstance(planned, Mapping) else None,
     }
