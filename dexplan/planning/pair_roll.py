@@ -10,7 +10,7 @@ while both hold, so that they come to stand a little less opposite, and a third 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -18,10 +18,9 @@ import numpy as np
 from dexplan.planning.admissible import Admissibility, worst
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.escape import DEAR, ENOUGH, count_room_at, find_places
-from dexplan.planning.gaits import build_hold
 from dexplan.planning.goal import RotationGoal, build_routes
 from dexplan.planning.hand import HandModel
-from dexplan.planning.plan import MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
+from dexplan.planning.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.roll_gait import STEP, build_roll, end_placement, follow_roll, judge_ways
 from dexplan.planning.roll_to_goal import Rolled
 from dexplan.spatial import Array, build_frame
@@ -125,17 +124,6 @@ def _advance(normal: Array, toward: Array, angle: float) -> Array:
     """Return ``normal`` (3,) moved by ``angle`` [rad] towards ``toward`` (3,) along the great circle through both."""
     aside = toward - (toward @ normal) * normal
     return np.cos(angle) * normal + np.sin(angle) * aside / np.linalg.norm(aside)
-
-
-def join_pair_roll(hand: HandModel, goal: RotationGoal, start: Plan, rolled: Rolled, rest: Plan) -> Plan:
-    """Return the plan that holds with the contacts of ``start``, rolls, and goes on with ``rest``."""
-    still = {"X_WO_start": goal.X_WO_start, "X_WO_end": goal.X_WO_start, "axis_W": goal.axis_W, "angle": 0.0}
-    hold = build_hold(list(start.start_contacts), still, "let the grasp settle")
-    return replace(
-        rest,
-        start_contacts=start.start_contacts,
-        actions=(hold, build_pair_roll_action(hand, goal, rolled), *rest.actions[1:]),
-    )
 
 
 def build_pair_roll_action(hand: HandModel, goal: RotationGoal, rolled: Rolled) -> Action:

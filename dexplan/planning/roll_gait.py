@@ -168,8 +168,10 @@ class RollToPair:
         beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
         now = float(np.arccos(np.clip(a.normal_O @ b.normal_O, -1.0, 1.0)))
         first = max(np.pi - 2.0 * beta - now, 0.0)
-        for wider in np.arange(first, min(first + WIDEST, np.pi - now), STEP):
-            if (found := self.open_pair(a, b, third, float(wider))) is not None:
+        openings = np.arange(first, min(first + WIDEST, np.pi - now), STEP).tolist()
+        # A pair that holds alone needs no opening, and exactly opposite contacts have none left.
+        for wider in openings or ([0.0] if first == 0.0 else []):
+            if (found := self.open_pair(a, b, third, wider)) is not None:
                 yield found
 
     def open_pair(self, a: Placement, b: Placement, third: Placement, wider: float) -> RollPlan | None:
