@@ -60,7 +60,8 @@ def build_orbits(
 ) -> list[Orbit]:
     """Return the orbits of contacts with the tip poses ``X_first`` (M, 4, 4) and ``normals`` (M, 3) at station 0.
 
-    Stations farther than ``sight`` [rad] from the finger's own direction are not tried: there is little to be had there.  The spin of each landing is chosen so that the roll of the tip is centred over the run.
+    Stations farther than ``sight`` [rad] from the finger's own direction are not tried: there is little to be had there.  The
+    spin of each landing is chosen so that the roll of the tip is centred over the run.
     """
     N, X_WF = _carry_along(leg, X_first, normals)
     q, ok, why = _solve(hand, finger, leg, N, X_WF, sight=sight)
