@@ -8,6 +8,7 @@ import numpy as np
 
 from dexplan.planning.aligned import build_aligned
 from dexplan.planning.conditions import Condition, classify_nearness
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.lone_clearance import list_others
 from dexplan.planning.pair_survey import find_nearest_at_home
@@ -112,11 +113,28 @@ def explain_start_contact(hand: HandModel, X_WO: Array, finger: int, given: Star
     """Return the status and the reason that refuse a start contact which its finger cannot hold, whatever the others do."""
     pose = given.X_OF if isinstance(given, Placement) else given
     X_WF = X_WO @ pose if pose.shape == (4, 4) else None
-    arm = pose if X_WF is None else X_WF[:3, 3] - X_WO[:3, 3]
-    condition, why = explain_contact(hand, finger, X_WO[:3, 3], arm / np.linalg.norm(arm), X_WF)
+    condition, why = explain_contact(hand, finger, X_WO[:3, 3], find_start_normal(X_WO, given), X_WF)
     why = why or "its joints would come too near to their limits"
     cure = f"{condition}, or " if condition in (Condition.STANDING, Condition.JOINTS) else ""
     return "blocked" if condition is Condition.STANDING else "start_unreachable", (
         f"{hand.fingers[finger].name} cannot hold its start contact: {why}; "
         f'{cure}move the contact towards the finger, or set start.contacts_deg = "auto"'
     )
+
+
+def find_start_normal(X_WO: Array, given: StartContact) -> Array:
+    """Return the outward normal (3,) in W of a start contact."""
+    pose = given.X_OF if isinstance(given, Placement) else given
+    arm = X_WO[:3, :3] @ pose[:3, 3] if pose.shape == (4, 4) else pose
+    return np.asarray(arm / np.linalg.norm(arm))
+
+
+def may_hold_at(hand: HandModel, goal: RotationGoal, start: tuple[StartContact | None, ...] | None) -> bool:
+    """Return whether two of the start contacts are within reach of their fingers at the goal, as far as each alone goes."""
+    X_WO, reached = goal.X_WO_goal, 0
+    turn = X_WO[:3, :3] @ goal.X_WO_start[:3, :3].T
+    for finger, given in enumerate(start or ()):
+        if given is not None:
+            normal = turn @ find_start_normal(goal.X_WO_start, given)
+            reached += not explain_contact(hand, finger, X_WO[:3, 3], normal)[1]
+    return reached > 1

@@ -118,7 +118,7 @@ class ContactTable:
     def start_along(self, finger: int, normal: Array) -> Held | None:
         """Return a start contact with the outward ``normal`` (3,) in W, the pole along it; None where it is out of reach."""
         X = build_aligned(self.hand, finger, self.leg.center, normal[None])
-        return self._start(finger, build_orbits(self.hand, self.leg, finger, X, normal[None])[0])
+        return self._start(finger, build_orbits(self.hand, self.leg, finger, X, normal[None], np.pi)[0])
 
     def start_at(self, finger: int, X_WF: Array, q: Array | None = None) -> Held | None:
         """Return a start contact with the tip at ``X_WF`` (4, 4), in the posture ``q`` if given; None where it cannot be held."""

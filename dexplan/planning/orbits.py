@@ -25,7 +25,7 @@ from dexplan.spatial import Array, make_pose, read_only
 _JUMP = 0.30
 """Joint steps between neighbouring stations beyond this mean another branch [rad]."""
 _SIGHT = float(np.radians(80.0))
-"""Directions farther than this from a finger's own are not tried."""
+"""Directions farther than this from a finger's own are not tried for landings."""
 OUT_OF_REACH = "the end of its workspace"
 """What stops a finger where no posture reaches."""
 _LOOK = 3
@@ -62,13 +62,16 @@ class Orbit:
         return q
 
 
-def build_orbits(hand: HandModel, leg: Leg, finger: int, X_first: Array, normals: Array) -> list[Orbit]:
+def build_orbits(
+    hand: HandModel, leg: Leg, finger: int, X_first: Array, normals: Array, sight: float = _SIGHT
+) -> list[Orbit]:
     """Return the orbits of contacts with the tip poses ``X_first`` (M, 4, 4) and ``normals`` (M, 3) at station 0.
 
-    The spin of each landing is chosen so that the roll of the tip is centred over the run.
+    Stations farther than ``sight`` [rad] from the finger's own direction are not tried: there is little to be had there.  The
+    spin of each landing is chosen so that the roll of the tip is centred over the run.
     """
     N, X_WF = _carry_along(leg, X_first, normals)
-    q, ok, why = _solve(hand, finger, leg, N, X_WF)
+    q, ok, why = _solve(hand, finger, leg, N, X_WF, sight=sight)
     return [
         Orbit(
             finger,
@@ -142,15 +145,22 @@ def _carry_along(leg: Leg, X_first: Array, normals: Array) -> tuple[Array, Array
 
 
 def _solve(
-    hand: HandModel, finger: int, leg: Leg, normals: Array, X_WF: Array, stands: Array | None = None
+    hand: HandModel,
+    finger: int,
+    leg: Leg,
+    normals: Array,
+    X_WF: Array,
+    stands: Array | None = None,
+    sight: float = np.pi,
 ) -> tuple[Array, NDArray[np.bool_], list[list[str]]]:
     """Return postures (M, K, J), which stations the finger can hold (M, K), and why not where it cannot.
 
     ``stands`` (J,): the finger is there already, in this posture, so that it stays on this branch and sees only this leg.
     """
     description, limits, workspace = hand.fingers[finger], hand.limits, hand.workspaces[finger]
-    home = description.pose_at(description.q_home)[:3, 3] - leg.center
-    near = normals @ (home / np.linalg.norm(home)) > np.cos(_SIGHT)
+    home = description.pose_at(description.q_home)[:3, 3] - leg.center - leg.motions[1]
+    home /= np.linalg.norm(home, axis=-1, keepdims=True)
+    near = np.einsum("mki,ki->mk", normals, home) >= np.cos(sight)
     if stands is not None:
         near[:, leg.sense * np.arange(leg.stations + 1, near.shape[1])] = False
     q = np.full((*near.shape, description.chain.n_joints), np.nan)

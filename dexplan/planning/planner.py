@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from dexplan.planning.admissible import Admissibility
-from dexplan.planning.blocked import StartContact, explain_start_contact
+from dexplan.planning.blocked import StartContact, explain_start_contact, may_hold_at
 from dexplan.planning.conditions import Condition
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.cost import Improvement
@@ -190,6 +190,8 @@ class _Planning:
     def _begin_all(self) -> Plan | None:
         """Begin with the first route, or return the refusal of goal or start."""
         if refusal := self._check_goal():
+            if not may_hold_at(self.hand, self.goal, self.start):
+                return self._refuse("goal_unreachable", refusal)
             # The grid of contacts that this was asked of is fine, not endless: the start grasp may be what holds there.
             self.refusal = refusal
             self.node_budget = min(self.node_budget, DOUBT)

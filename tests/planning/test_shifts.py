@@ -37,8 +37,6 @@ def test_shifts_that_were_refused_are_planned(name: str) -> None:
     ("x", "y", "z", "start"),
     [
         (40.0, 0.0, 0.0, PAIR),
-        (33.0, 5.0, -4.0, "auto"),
-        (-18.0, 31.2, 0.0, "auto"),  # towards finger 2
         (-18.0, -31.2, 0.0, "auto"),  # towards finger 3
         (-17.0, 29.4, 12.0, [[22.0, 0.0], "free", [-118.0, 0.0]]),
     ],
