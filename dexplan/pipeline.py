@@ -78,6 +78,7 @@ def build_hand(problem: Problem, scene: Scene) -> HandModel:
         hover=timing.hover,
         acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
         tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
+        tip_rotation_limit=float(np.radians(problem.hand.tip_rotation_limit_deg)),
     )
 
 

@@ -84,6 +84,8 @@ class HandModel:
     acceleration: float = 2.8
     tip_polar_limit: float = float(np.radians(80.0))
     """Largest angle between a tip's pole and its contact on the tip [rad]."""
+    tip_rotation_limit: float = float(np.radians(75.0))
+    """How far a tip may roll round, seen from where its contact set out: the paper's gamma [rad]."""
 
     __repr__ = brief_repr
 

@@ -22,6 +22,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.roll import Roll
+from dexplan.planning.tip_rotation import ROUNDING, describe_rotation, measure_rotation, trace_on_tip
 from dexplan.planning.travel import build_travel, compute_hover, compute_travel_margin, refine, wrap_near
 from dexplan.scene.chain import compute_joint_margin, solve_ik
 from dexplan.spatial import Array
@@ -93,10 +94,14 @@ def follow_roll(hand: HandModel, X_WO: Array, roll: Roll, q_start: Array) -> tup
         q = np.vstack([q, wrap_near(solved[0], guess)])
     leans = np.flatnonzero(lean[1 : len(q)] > hand.tip_polar_limit) + 1
     stops = np.flatnonzero(compute_joint_margin(chain, q[1:]) < limits.joint_margin) + 1
-    first = min((int(rows[0]) for rows in (leans, stops) if len(rows)), default=len(q))
+    swept = measure_rotation(trace_on_tip(roll))
+    rounds = np.flatnonzero(swept[1 : len(q)] > hand.tip_rotation_limit + ROUNDING) + 1
+    first = min((int(rows[0]) for rows in (leans, stops, rounds) if len(rows)), default=len(q))
     if first in leans:
         refusal = f"{description.name} would roll {np.degrees(lean[first]):.0f} deg off its tip's pole"
         return q[:first], refusal
+    if first in rounds:
+        return q[:first], describe_rotation(hand, roll.finger, float(swept[first]))
     if first in stops:
         return q[:first], f"{description.name} comes to a joint limit while it rolls"
     if len(q) < count:

@@ -36,6 +36,7 @@ from dexplan.planning.plan import SOLVED, Action, GoalContact, Placement, Plan
 from dexplan.planning.planner import FIRST, Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.still import StillContacts, build_landings
+from dexplan.planning.tip_rotation import refuse_rotation
 from dexplan.spatial import Array
 
 SEARCH_BUDGET = 160
@@ -299,7 +300,7 @@ class Stages:
                 end = begun[search.chosen]
                 moves = build_move_actions(found.moves, end.contacts, after.axis_W)
                 last, refused = self._finish(follow_actions(self.hand, end.contacts, moves), after)
-                if refused:
+                if refused := refused or refuse_rotation(self.hand, (*end.actions, *moves)):
                     return Outcome(why=refused, stop=Stop.GOAL_GRASP, gave_up=True)
                 return Outcome((*end.actions, *moves, *last), end.start)
             attempt.is_over = end is None

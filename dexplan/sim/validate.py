@@ -72,6 +72,7 @@ CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("roll_path_error_max", checks_rolling.check_roll_path_error_max),
     ("penetration_max", checks_contact.check_penetration_max),
     ("tip_contact_angle_max", checks_contact.check_tip_contact_angle_max),
+    ("tip_rotation_max", checks_rolling.check_tip_rotation_max),
     ("force_prediction_error", checks_forces.check_force_prediction_error),
     ("tip_tracking_error_max", checks_forces.check_tip_tracking_error_max),
     ("ik_at_limit", checks_forces.check_ik_at_limit),
