@@ -190,6 +190,36 @@ def test_honest_run_passes(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().out.splitlines()[-1].startswith("PASS hold_two: ")
 
 
+def test_looser_limits_are_told_in_line_report_and_figure(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _replace("problem.toml", "penetration_max_um = 150.0", "penetration_max_um = 400.0")(folder)
+    (folder / "summary.png").write_bytes(b"the figure of an earlier verdict")
+    drawn: list[ValidationReport] = []
+    monkeypatch.setattr(pipeline, "draw_run", lambda *run: drawn.append(run[-1]))
+    for _ in range(2):
+        assert main(["validate", str(folder)]) == 0
+        line = capsys.readouterr().out.splitlines()[-1]
+        assert line.startswith("PASS hold_two: ")
+        assert line.endswith("; limits looser than default (1): penetration_max_um 400 instead of 150")
+    assert list(ValidationReport.load(folder / "report.json").loose_limits) == ["penetration_max_um"]
+    # Drawn anew with a new verdict only.
+    assert [report.summary_line() for report in drawn] == [line]
+
+
+def test_integrity_cannot_be_bought_on_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "hold_two", "--set", "acceptance.physics_untouched=1"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith(
+        "dexplan: hold_two: acceptance.physics_untouched: 1 is given for what cannot be set"
+    )
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("name", EDITS)
 def test_tampering_is_told(folder: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     EDITS[name](folder)

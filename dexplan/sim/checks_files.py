@@ -74,7 +74,10 @@ def _find_in_chain(case: Case) -> Iterator[str]:
 
 
 def _find_in_contacts(case: Case) -> Iterator[str]:
-    """Planned contacts lie on the problem's object, begin where it says and end where it says."""
+    """Planned contacts begin where the problem says and end where it says.
+
+    By direction alone: the true object may be of another size than the planner believed.
+    """
     plan, problem = case.plan, case.problem
     start, end = plan["start"]["contacts"], plan["actions"][-1]["contacts_end"] if plan["actions"] else None
     asked = problem.get("start", {}).get("contacts_deg", "auto")
@@ -84,19 +87,14 @@ def _find_in_contacts(case: Case) -> Iterator[str]:
     if wanted and plan["goal"].get("contacts"):
         yield from _compare(case, "has a goal", wanted, plan["goal"]["contacts"])
     if wanted and end is not None:
-        yield from _compare(case, "ends", wanted, end)
-    radius = float(problem["object"]["radius_m"])
-    stages = [("at the start", start)]
-    stages += [(f"after action {k + 1}", action["contacts_end"]) for k, action in enumerate(plan["actions"])]
-    for where, contacts in stages:
-        for finger, contact in contacts.items():
-            if contact and not abs(np.linalg.norm(contact["point_O"]) - radius) <= SAME_POSITION:
-                yield f"the plan's contact of {finger} {where} is not on the object"
-                return
+        # Where a roll ends is known as well as it is judged.
+        yield from _compare(case, "ends", wanted, end, np.radians(case.limit("contact_error_final_deg")))
 
 
-def _compare(case: Case, verb: str, asked: Any, planned: Mapping[str, Any]) -> Iterator[str]:
-    """Yield where the ``planned`` contacts are not the ones ``asked`` for in a problem."""
+def _compare(
+    case: Case, verb: str, asked: Any, planned: Mapping[str, Any], most: float = SAME_ANGLE
+) -> Iterator[str]:
+    """Yield where the ``planned`` contacts are not the ones ``asked`` for in a problem, off by ``most`` [rad]."""
     for k, finger in enumerate(case.replay.world.fingers):
         contact = planned.get(finger)
         wanted = asked[k] if k < len(asked) else "free"
@@ -105,7 +103,7 @@ def _compare(case: Case, verb: str, asked: Any, planned: Mapping[str, Any]) -> I
         elif contact is not None:
             normal, direction = np.asarray(contact["normal_O"]), as_direction(wanted)
             across = np.linalg.norm(np.cross(normal, direction))
-            if not np.arctan2(across, normal @ direction) <= SAME_ANGLE:
+            if not np.arctan2(across, normal @ direction) <= most:
                 yield f"the plan {verb} with {finger} elsewhere than the problem says"
 
 
