@@ -16,6 +16,7 @@ from fake_run import FakeReport
 
 from dexplan import terminal
 from dexplan.cli import main
+from dexplan.errors import DexplanError
 from dexplan.sim.trace import Trace
 
 SIGNS = "µ ° – … × γ │ ≤ 球 \ud800"
@@ -139,3 +140,12 @@ def test_a_signal_while_judging_keeps_the_run(
     pipeline.validate = interrupt
     assert main(["run", "hold_two"]) == 130
     assert "the run so far (2.00 s) is in runs/hold_two/trace.npz" in capsys.readouterr().err
+
+
+def test_python_is_told_of_a_gl_platform_that_does_not_exist(monkeypatch: pytest.MonkeyPatch) -> None:
+    import dexplan
+
+    monkeypatch.setenv("MUJOCO_GL", "foo")
+    monkeypatch.delitem(vars(dexplan), "plan", raising=False)
+    with pytest.raises(DexplanError, match="MUJOCO_GL='foo' is no GL platform"):
+        _ = dexplan.plan
