@@ -196,7 +196,7 @@ def _run(argv: list[str]) -> int:
 
         print(f"dexplan {__version__}")
         return 0
-    command = _parse(["--help"] if argv == ["help"] else argv)
+    command = _parse([*argv[1:], "--help"] if argv[:1] == ["help"] else argv)
     return 0 if command is None else int(command.run())
 
 

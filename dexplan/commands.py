@@ -231,7 +231,8 @@ class _Output:
             if sentence is None:
                 self._leave_evidence(error)
                 raise
-            kept = f"; what was made so far is in {self.folder}" if self.is_open else ""
+            is_left = self.is_open and any(self.folder.iterdir())
+            kept = f"; what was made so far is in {self.folder}" if is_left else ""
             raise OutputError(sentence + kept) from error
         except Exception as error:
             self._leave_evidence(error)

@@ -23,13 +23,14 @@ class ProblemError(DexplanError):
 
 
 class UnknownNameError(DexplanError):
-    """A name that nothing answers to; lists the names that do, the nearest first."""
+    """A name that nothing answers to; lists the names that do, and which of them is near."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         known = sorted(known)
-        near = difflib.get_close_matches(name, known, n=1)
-        guess = f"did you mean {near[0]!r}? " if near else ""
-        super().__init__(f"unknown {kind} {name!r}; {guess}known: {', '.join(known)}")
+        near = [k for k in known if k.lower() == name.lower()] or difflib.get_close_matches(name, known, n=1)
+        guess = f"; did you mean {near[0]!r}?" if near else ""
+        shown = name if len(name) <= 100 else f"{name[:97]}..."
+        super().__init__(f"unknown {kind} {shown!r}; known: {', '.join(known)}{guess}")
 
 
 class RunFolderError(DexplanError):

@@ -116,8 +116,13 @@ def _describe_unknown(argv: Sequence[str], commands: Mapping[str, type]) -> str:
     first = next((word for word in argv if not word.startswith("-")), None)
     if first is None:
         return f"no command in {' '.join(argv)!r}; {accepted}" if argv else f"no command; {accepted}"
-    if first in commands:
-        return f"{argv[0]!r} stands before the command; accepted: dexplan {first} ... {argv[0]}"
+    command = next((word for word in argv if word in commands), None)
+    if command is not None:
+        return f"{argv[0]!r} stands before the command; accepted: dexplan {command} ... {argv[0]}"
+    if Path(first).suffix == ".toml":
+        return (
+            f"no command before {first!r}; accepted: dexplan run {first}, or another of {', '.join(commands)}"
+        )
     near = difflib.get_close_matches(first, commands, n=1)
     return f"unknown command {first!r}; {f'did you mean {near[0]!r}? ' if near else ''}{accepted}"
 

@@ -9,19 +9,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from fake_run import FakePlan, FakeReport, make_older_run
 
-import dexplan
-from dexplan import run_folder
 from dexplan.cli import main
 from dexplan.errors import ProblemError, RenderError
 from dexplan.problems.problem import Problem
-from dexplan.problems.read import load_problem
-from dexplan.sim.trace import Trace
-from dexplan.viz.canvas import write_picture
 
 
 @pytest.fixture(autouse=True)
@@ -29,73 +22,6 @@ def cwd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Run every test in an empty folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-FILM = b"\0\0\0\x20ftypisom dexplan"
-
-
-class _Plan:
-    def __init__(self, status: str) -> None:
-        self.status, self.is_solved = status, status == "solved"
-        self.actions: tuple[object, ...] = ()
-
-    def explain(self) -> str:
-        return "the plan in words"
-
-    def save(self, path: Path) -> None:
-        path.write_text('{"format": 1, "status": "", "fingers": [], "actions": []}')
-
-
-class _Report:
-    def __init__(self, verdict: str) -> None:
-        self.verdict = verdict
-
-    def table(self) -> str:
-        return "the table"
-
-    def summary_line(self) -> str:
-        return "PASS all" if self.verdict == "pass" else "FAIL not_dropped 12 mm"
-
-    def save(self, path: Path) -> None:
-        path.write_text('{"format": 1, "verdict": "", "checks": []}')
-
-
-def _make_older_run(folder: Path) -> None:
-    """Fill a folder with files that are recognised as a run of ours, as small as they can be."""
-    folder.mkdir(parents=True, exist_ok=True)
-    run_folder.save_problem(load_problem("hold_three"), folder / "problem.toml")
-    _Plan("solved").save(folder / "plan.json")
-    _Report("pass").save(folder / "report.json")
-    (folder / "model.xml").write_text('<mujoco model="m"><geom name="object/surface"/></mujoco>')
-    Trace("<mujoco/>", {"time": np.zeros(1)}, {}).save(folder / "trace.npz")
-    for name in ("summary.png", "frames.png"):
-        canvas = FigureCanvasAgg(Figure(figsize=(1, 1)))
-        write_picture(canvas, folder / name)
-    (folder / "video.mp4").write_bytes(FILM)
-
-
-@pytest.fixture
-def pipeline(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A pipeline that does nothing, in place of the real one; tests replace its parts."""
-
-    def save_run(folder: Path, problem: Problem, plan: Any, trace: Any, report: Any) -> None:
-        _make_older_run(folder)
-        run_folder.save_problem(problem, folder / "problem.toml")
-        for name in ("summary.png", "frames.png", "video.mp4"):
-            (folder / name).unlink()
-
-    fake = SimpleNamespace(
-        plan=lambda problem: _Plan("solved"),
-        rollout=lambda problem, plan, *, seed=None, progress=None: "trace",
-        validate=lambda problem, plan, trace: _Report("pass"),
-        inspect=lambda problem, folder: "the numbers",
-        save_run=save_run,
-        load_run=lambda folder: ("problem", "plan", "trace"),
-        render_run=lambda folder: (folder / "video.mp4").write_bytes(FILM),
-    )
-    monkeypatch.setitem(sys.modules, "dexplan.pipeline", fake)  # type: ignore[arg-type]
-    monkeypatch.setattr(dexplan, "pipeline", fake, raising=False)
-    return fake
 
 
 BAD_COMMAND_LINES = [
@@ -208,9 +134,9 @@ def test_plan_saves_problem_and_plan(pipeline: SimpleNamespace, cwd: Path) -> No
 def test_no_plan_is_an_honest_no(
     pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    pipeline.plan = lambda problem: _Plan("start_out_of_reach")
+    pipeline.plan = lambda problem: FakePlan("start_out_of_reach")
     old = cwd / "there"
-    _make_older_run(old)
+    make_older_run(old)
     (old / "notes.txt").write_text("old")
     assert main(["run", "hold_two", "--out", "there"]) == 1
     out, err = capsys.readouterr()
@@ -225,7 +151,7 @@ def test_no_plan_is_an_honest_no(
 def test_run_saves_everything_and_ends_with_the_verdict(
     verdict: str, code: int, pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    pipeline.validate = lambda problem, plan, trace: _Report(verdict)
+    pipeline.validate = lambda problem, plan, trace: FakeReport(verdict)
     seeds = []
     pipeline.rollout = lambda problem, plan, *, seed, progress: seeds.append((seed, problem.seed, progress))
     assert main(["run", "hold_two", "--seed", "7", "--video"]) == code
