@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.sim.replay import Replay
 from dexplan.sim.world import Flags, Indices
 from dexplan.spatial import Array
@@ -57,6 +58,8 @@ class Case:
     """In what the machine that recorded the run differs from this one; none: a replay has to match to the last bit."""
     contradictions: tuple[str, ...] = ()
     """What the files that this was read from say against each other."""
+
+    __repr__ = brief_repr
 
     def limit(self, name: str) -> float:
         """Return the number behind a limit's name."""

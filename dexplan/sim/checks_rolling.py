@@ -90,6 +90,65 @@ def check_roll_path_error_max(case: Case) -> CheckResult:
     return judge(name, worst, limit, "deg", moment, "; ".join([label, *_find_conservative(case)]))
 
 
+def check_tip_rotation_max(case: Case) -> CheckResult:
+    """How far contacts go round on the tips, against the hand's rotation limit: the paper's gamma.
+
+    The place on the tip where a contact set out is the pole of the paper's longitudes.  Seen from there, the contact's azimuth
+    may change by gamma while it is away: for the manoeuvre A-B-C-D that is the equator leg B-C, for a rolling triangle its apex,
+    and for a straight way nothing, however far it goes.  What comes by the tip's own pole sets out anew from there.
+    """
+    name, replay = "tip_rotation_max", case.replay
+    limit = float(case.problem["hand"]["tip_rotation_limit_deg"]) + case.limit("tip_rotation_slack_deg")
+    if not (np.isfinite(replay.object_pose).all() and np.isfinite(replay.tip_rotation).all()):
+        return fail(name, "deg", "a pose is not a number", limit)
+    if not replay.contact_active.any():
+        return fail(name, "deg", "no finger ever touches", limit)
+    near = np.radians(case.limit("tip_rotation_reach_deg"))
+    gap = round(case.limit("contact_window_s") / case.sample_time)
+    worst, moment, label = 0.0, None, "no contact went round on its tip"
+    for k in range(case.finger_count):
+        centre = replay.object_pose[:, :3] - replay.tip_position[:, k]
+        seen = np.einsum("tji,tj->ti", replay.tip_rotation[:, k], centre)
+        seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+        for start, stop in find_runs(close_gaps(replay.contact_active[:, k], gap)):
+            for first, last, about in _find_outsets(seen[start:stop], near):
+                swept, sample = _measure_sweep(seen[start + first : start + last], about, near)
+                if swept > worst:
+                    worst, moment = swept, float(replay.time[start + first + sample])
+                    label = replay.world.fingers[k]
+    return judge(name, worst, limit, "deg", moment, label)
+
+
+def _find_outsets(seen: Array, near: float) -> list[tuple[int, int, Array]]:
+    """Return (first, last, place) per part of a contact's way on its tip (T, 3), with the place where the part set out."""
+    pole_angle = np.arctan2(np.linalg.norm(seen[:, :2], axis=1), seen[:, 2])
+    parts, first, about = [], 0, seen[0]
+    for start, stop in find_runs(pole_angle < near):
+        if np.arctan2(np.linalg.norm(about[:2]), about[2]) < near:
+            continue
+        nearest = start + int(pole_angle[start:stop].argmin())
+        parts.append((first, nearest + 1, about))
+        first, about = nearest, seen[nearest]
+    return [*parts, (first, len(seen), about)]
+
+
+def _measure_sweep(seen: Array, about: Array, near: float) -> tuple[float, int]:
+    """Return by how much [deg] the azimuth of ``seen`` (T, 3) about a place (3,) changes at most while it is farther than
+    ``near`` [rad] from there, and the sample at which that is so.
+    """
+    aside = np.cross(about, np.eye(3)[int(np.abs(about).argmin())])
+    aside /= np.linalg.norm(aside)
+    x, y = seen @ aside, seen @ np.cross(about, aside)
+    away = np.arctan2(np.hypot(x, y), seen @ about) > near
+    worst, sample = 0.0, 0
+    for start, stop in find_runs(away):
+        azimuth = np.degrees(np.unwrap(np.arctan2(y[start:stop], x[start:stop])))
+        grown = np.maximum.accumulate(azimuth) - np.minimum.accumulate(azimuth)
+        if grown[-1] > worst:
+            worst, sample = float(grown[-1]), start + int((grown >= grown[-1]).argmax())
+    return worst, sample
+
+
 def _find_conservative(case: Case) -> list[str]:
     """Return a note for every rolled-apart pair that could have held alone with the simulator's own friction.
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
+from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.sim.checks_case import CheckResult
 from dexplan.sim.limits import INTEGRITY
@@ -49,6 +50,8 @@ class ValidationReport:
     recorded: Mapping[str, Any] = field(default_factory=dict)
     loose_limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "checks", tuple(self.checks))
         for key in ("physics", "timing", "versions", "machine", "recorded", "loose_limits"):
@@ -58,6 +61,9 @@ class ValidationReport:
         return isinstance(other, ValidationReport) and self.as_dict() == other.as_dict()
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __str__(self) -> str:
+        return f"{self.table()}\n{self.summary_line()}"
 
     def __getitem__(self, name: str) -> CheckResult:
         """Return the result of the check ``name``; KeyError where there is none."""

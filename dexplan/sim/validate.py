@@ -12,8 +12,17 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dexplan.sim import checks, checks_contact, checks_files, checks_forces, checks_physics, checks_rolling
+from dexplan.sim import (
+    checks,
+    checks_contact,
+    checks_files,
+    checks_force_audit,
+    checks_forces,
+    checks_physics,
+    checks_rolling,
+)
 from dexplan.sim.checks_case import MAY, Case, CheckResult, find_runs
 from dexplan.sim.limits import find_loose_limits, load_default_limits, resolve_limits
 from dexplan.sim.machine import describe_machine, describe_versions, find_differences
@@ -54,7 +63,7 @@ CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("finger_order_kept", checks_contact.check_finger_order_kept),
     ("plan_force_closure", checks_forces.check_plan_force_closure),
     ("plan_load_margin", checks_forces.check_plan_load_margin),
-    ("force_qp_feasible", checks_forces.check_force_qp_feasible),
+    ("force_qp_feasible", checks_force_audit.check_force_qp_feasible),
     ("force_cone_margin_min", checks_forces.check_force_cone_margin_min),
     ("friction_utilisation_max", checks_forces.check_friction_utilisation_max),
     ("coulomb_slip_max", checks_contact.check_coulomb_slip_max),
@@ -63,6 +72,7 @@ CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("roll_path_error_max", checks_rolling.check_roll_path_error_max),
     ("penetration_max", checks_contact.check_penetration_max),
     ("tip_contact_angle_max", checks_contact.check_tip_contact_angle_max),
+    ("tip_rotation_max", checks_rolling.check_tip_rotation_max),
     ("force_prediction_error", checks_forces.check_force_prediction_error),
     ("tip_tracking_error_max", checks_forces.check_tip_tracking_error_max),
     ("ik_at_limit", checks_forces.check_ik_at_limit),
@@ -135,6 +145,7 @@ def validate_run(
         "replay_s": round(stepped - began, 3),
         "checks_s": round(time.perf_counter() - stepped, 3),
         **_describe_quiet(case),
+        **_describe_speed(case),
     }
     return ValidationReport(
         name=str(problem.get("name", "")),
@@ -205,4 +216,20 @@ def _describe_quiet(case: Case) -> dict[str, Any]:
         "non_quiet_s": round(loud, 6),
         "touch_windows": relocations,
         "non_quiet_s_per_touch_window": round(loud / relocations, 6) if relocations else None,
+    }
+
+
+def _describe_speed(case: Case) -> dict[str, Any]:
+    """Return how fast the object was asked to turn, how fast its reference turned, and what limited that as the plan has it."""
+    quat = case.reference[:, 3:]
+    known = np.isfinite(quat).all() and len(quat) > 1 and bool((np.linalg.norm(quat, axis=1) > 0).all())
+    fastest = 0.0
+    if known:
+        turn = Rotation.from_quat(quat, scalar_first=True)
+        fastest = float(np.degrees((turn[1:] * turn[:-1].inv()).magnitude().max()) / case.sample_time)
+    planned = case.plan.get("speed")
+    return {
+        "speed_asked_deg_s": case.problem["control"]["speed_deg_s"],
+        "speed_reached_deg_s": round(fastest, 6) if known else None,
+        "speed_limited_by": planned.get("words") if isinstance(planned, Mapping) else None,
     }

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.spatial import Array
 
@@ -47,6 +48,8 @@ class World:
     object_mass: float
     home_pose: Array
     timestep: float
+
+    __repr__ = brief_repr
 
 
 @lru_cache(maxsize=1)

@@ -222,7 +222,11 @@ BAD_VALUES: list[tuple[str, Any, str]] = [
     ("goal.rotation.axis", [0, 0, 0], "goal.rotation.axis: [0.0, 0.0, 0.0] has no direction"),
     ("goal.rotation.axis", [0, 1], "goal.rotation.axis: [0, 1] does not fit; accepted: three numbers"),
     ("goal.orientation_wxyz", [1, 0, 0, 0], "both rotation and orientation_wxyz"),
-    ("goal.contacts_deg", [[0, 0], [120, 0], [240, 0]], 'given for kind = "object_manipulation"'),
+    (
+        "goal",
+        {"kind": "object_manipulation", "contacts_deg": [[0, 0], [120, 0], [240, 0]]},
+        'given for kind = "object_manipulation"',
+    ),
     ("goal.order", "later", "goal.order: 'later' does not fit"),
     ("gait.primitives", ["substitute"], "gait.primitives[0]: 'substitute' does not fit"),
     ("gait.primitives", ["rewind", "rewind"], "repeats itself"),

@@ -142,6 +142,19 @@ def spun_tip() -> np.ndarray:
     return rotation
 
 
+def rounded_tip() -> np.ndarray:
+    """Return tip rotations of a finger whose contact goes out on the tip by 30 deg, round by 80 deg, and back."""
+    time = np.linspace(0.0, 3.0, len(held().replay.time))
+    out, around = np.interp(time, [0, 1, 2, 3], [0, 30, 30, 0]), np.interp(time, [0, 1, 2, 3], [0, 0, 80, 80])
+    rotation = np.array(held().replay.tip_rotation)
+    inward = held().replay.object_pose[0, :3] - held().replay.tip_position[0, 0]
+    first = rotation[0, 0].T @ inward / np.linalg.norm(inward)
+    aside = np.cross(first, [0.0, 1.0, 0.0]) / np.linalg.norm(np.cross(first, [0.0, 1.0, 0.0]))
+    axes = Rotation.from_rotvec(np.radians(around)[:, None] * first).apply(aside)
+    rotation[:, 0] = rotation[:, 0] @ Rotation.from_rotvec(-np.radians(out)[:, None] * axes).as_matrix()
+    return rotation
+
+
 def free_third() -> Case:
     """A plan by which finger 3 must not touch, while it is near."""
     table = {"finger_1": "must", "finger_2": "must", "finger_3": "must_not"}
@@ -323,6 +336,7 @@ FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
         "rim",
         lambda: with_replay(tip_contact_angle=held().replay.tip_contact_angle + 1.5),
     ),
+    ("tip_rotation_max", "goes round", lambda: with_replay(tip_rotation=rounded_tip())),
     (
         "force_prediction_error",
         "overestimates",
@@ -469,6 +483,19 @@ def rolled_case(slide_share: float) -> Case:
         base, tip_position=position, tip_rotation=rotation, object_pose=np.tile(base.object_pose[0], (T, 1))
     )
     return replace(held(), replay=rolled)
+
+
+@pytest.mark.parametrize("gamma", [60.0, 75.0, 85.0])
+def test_a_tip_goes_round_as_far_as_the_problem_lets_it(gamma: float) -> None:
+    """Out and back is no rotation, however far; what is rolled across is, seen from where the contact set out."""
+    tampered = replace(
+        with_problem(hand={"tip_rotation_limit_deg": gamma}).replay, tip_rotation=rounded_tip()
+    )
+    case = replace(with_problem(hand={"tip_rotation_limit_deg": gamma}), replay=tampered)
+    found = dict(CHECKS)["tip_rotation_max"](case)
+    assert found.value == pytest.approx(80.0, abs=0.3)
+    assert found.status == ("pass" if gamma > 80.0 else "fail")
+    assert found.limit == pytest.approx(gamma + load_default_limits()["tip_rotation_slack_deg"])
 
 
 def test_rolling_is_told_from_sliding() -> None:
