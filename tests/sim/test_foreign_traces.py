@@ -187,4 +187,5 @@ def test_times_that_do_not_increase_are_told(brief: Trace, times: Any) -> None:
 
 def test_record_without_samples_is_told(brief: Trace) -> None:
     empty = {name: brief[name][:0] for name in NAMES if brief[name].shape[:1] == (12,)}
-    assert not judge(brief, {}, **empty).is_passed
+    with pytest.raises(RunFolderError, match="lacks samples"):
+        judge(brief, {}, **empty)
