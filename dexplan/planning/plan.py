@@ -239,8 +239,12 @@ class Plan:
     def load(cls, path: str | os.PathLike[str]) -> Plan:
         """Read a plan written by :meth:`save`.  Raises RunFolderError for anything else."""
         try:
-            return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            plan = cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+            # Whatever cannot be told and written again is no plan, however it was made.
+            plan.explain()
+            plan.as_dict()
+            return plan
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             raise RunFolderError(
                 str(path), f"cannot be read as a plan ({error})", "a plan.json written by dexplan is accepted"
             ) from error
