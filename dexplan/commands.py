@@ -116,16 +116,30 @@ def validate(folder: Path) -> int:
     _check_run_folder(folder)
     from dexplan import pipeline
 
-    report = pipeline.validate(*pipeline.load_run(folder))
+    problem, plan, trace = pipeline.load_run(folder)
+    report = pipeline.validate(problem, plan, trace)
     path = folder / "report.json"
     try:
         if path.exists() and not run_folder.is_ours(path):
             print("dexplan: report.json is left as it was (it is there and no run made it)", file=sys.stderr)
         else:
+            is_news = _read_verdict(folder) != report.summary_line()
             report.save(path)
+            if is_news and run_folder.is_ours(folder / "summary.png"):
+                pipeline.draw_run(folder, problem, plan, trace, report)
     except OSError as error:
-        print(f"dexplan: report.json is left as it was ({error.strerror})", file=sys.stderr)
+        print(f"dexplan: report or figure are left as they were ({error.strerror})", file=sys.stderr)
     return _judge(report)
+
+
+def _read_verdict(folder: Path) -> str:
+    """Return the verdict line of the report in ``folder``, which the figure shows; nothing where there is no report."""
+    from dexplan.sim.validate import ValidationReport
+
+    try:
+        return ValidationReport.load(folder / "report.json").summary_line()
+    except RunFolderError:
+        return ""
 
 
 def render(folder: Path) -> int:

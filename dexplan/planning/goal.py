@@ -72,6 +72,17 @@ def build_routes(goal: RotationGoal, swings: tuple[Array, ...] = ()) -> list[tup
     return [_build_legs(goal, way, order) for order in orders for way in turns]
 
 
+def list_swings(homes: Array) -> tuple[Array, ...]:
+    """Return horizontal axes (3,) about which the object turns easily: chords of pairs of fingers with tips ``homes`` (F, 3)."""
+    swings = []
+    for i in range(len(homes)):
+        for j in range(i + 1, len(homes)):
+            chord = (homes[j] - homes[i]) * [1.0, 1.0, 0.0]
+            if np.linalg.norm(chord) > 1e-9:
+                swings.append(chord / np.linalg.norm(chord))
+    return tuple(swings)
+
+
 def build_detours(goal: RotationGoal, axis_W: Array, angle: float) -> list[tuple[Leg, ...]]:
     """Return routes to the goal on which the object first turns by ``angle`` [rad] about the unit ``axis_W`` (3,).
 

@@ -17,6 +17,7 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.planning.roll import Roll
+from dexplan.planning.speed import PlannedSpeed
 from dexplan.spatial import Array, angles_from_direction, as_pose, as_pose7, read_only
 
 FORMAT = 1
@@ -128,6 +129,8 @@ class Plan:
     ``turned_angle`` is the signed unwrapped turn of the goal [rad], None where the goal is an attitude without an axis.
     ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.  ``goal_contacts`` says per finger where
     it has to touch in the end, None where it has to be free; None instead of the tuple where the goal names no contacts.
+    ``normal_force`` [N] is what a loaded contact aims at; no contact bears less than ``normal_floor`` or more than
+    ``normal_ceiling`` of it at full load.  ``speed`` says how fast the object turns; None where it never turns, or nobody asked.
     """
 
     status: str
@@ -143,6 +146,9 @@ class Plan:
     normal_force: float
     statistics: Mapping[str, float] = field(default_factory=dict)
     goal_contacts: tuple[GoalContact | None, ...] | None = None
+    normal_floor: float = 4.0
+    normal_ceiling: float = 12.0
+    speed: PlannedSpeed | None = None
 
     __repr__ = brief_repr
 
@@ -168,6 +174,8 @@ class Plan:
             "reason": self.reason,
             "fingers": list(self.fingers),
             "normal_force_N": self.normal_force,
+            "normal_floor_N": self.normal_floor,
+            "normal_ceiling_N": self.normal_ceiling,
             "start": {
                 "object_pose": _pose(self.X_WO_start),
                 "contacts": self._contacts(self.start_contacts),
@@ -182,6 +190,7 @@ class Plan:
                 "contacts": None if self.goal_contacts is None else self._contacts(self.goal_contacts),
             },
             "actions": [self._action(k, action) for k, action in enumerate(self.actions)],
+            "speed": None if self.speed is None else self.speed.as_dict(),
             "statistics": dict(self.statistics),
         }
 
@@ -308,6 +317,10 @@ class Plan:
             start_contacts=contacts(data["start"]["contacts"]),
             actions=actions,
             normal_force=float(data["normal_force_N"]),
+            # Older files do not say: these were the only ones.
+            normal_floor=float(data.get("normal_floor_N", 4.0)),
+            normal_ceiling=float(data.get("normal_ceiling_N", 12.0)),
+            speed=None if data.get("speed") is None else PlannedSpeed.from_dict(data["speed"]),
             statistics=data["statistics"],
             goal_contacts=None
             if wanted is None
@@ -321,6 +334,8 @@ class Plan:
         """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
         lines = [f"status: {self.status}" + (f" ({self.reason})" if self.reason else "")]
         lines += self._goal_words()
+        if self.speed is not None:
+            lines.append(f"speed: {self.speed}")
         before = self.start_contacts
         for k, a in enumerate(self.actions):
             lines.append(f"{k + 1:3d}. {self._sentence(a, before)}")

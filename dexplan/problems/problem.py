@@ -219,6 +219,8 @@ class ControlSection:
     physics_profile: Literal["firm", "portable"] = "firm"
     speed_deg_s: float = 30.0
     """Object rotation speed while it moves."""
+    force_solver: Literal["daqp", "osqp"] = "daqp"
+    """Who solves for the contact forces of each tick: DAQP with OSQP behind it, or OSQP alone."""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from dexplan.problems.derived import as_name, fill_derived, forget_derived
 from dexplan.problems.override import apply_override, set_override
 from dexplan.problems.problem import FORMAT, Problem
 from dexplan.problems.rules import describe_accepted, load_limits, spell, suggest
+from dexplan.sim.limits import explain_refusal
 
 __all__ = [
     "build_problem",
@@ -290,6 +291,8 @@ def _resolve_acceptance(given: Any, source: str) -> dict[str, bool | float]:
                 )
         elif isinstance(value, bool) or not isinstance(value, int | float):
             raise ProblemError(source, key, f"{spell(value)} is no number", "accepted: a number")
+        elif (refusal := explain_refusal(name, float(value))) is not None:
+            raise ProblemError(source, key, *refusal)
         limits[name] = value if isinstance(value, bool) else float(value)
     return limits
 

@@ -125,6 +125,7 @@ ACCEPTED = {
     "obstacles[].pos_m": _THREE,
     "obstacles[].size_m": "half sizes of a box, [radius] of a sphere or [radius, half length] of a capsule",
     "control.physics_profile": '"firm" or "portable"',
+    "control.force_solver": '"daqp" or "osqp"',
     "acceptance": "a table of limits, each a number or true/false",
     **dict.fromkeys(("object", "hand", "friction", "start", "goal", "gait", "control"), _TABLE),
 }

@@ -95,6 +95,11 @@ def compute_tip_pose(chain: Chain, q: ArrayLike) -> Array:
     return X.reshape(*q.shape[:-1], 4, 4)
 
 
+def compute_hinge_positions(chain: Chain, q: Array) -> Array:
+    """Return where the hinges are (N, J, 3) [m] in W at joint angles ``q`` (N, J) [rad]."""
+    return _walk(chain, q)[3]
+
+
 def compute_tip_jacobian(chain: Chain, q: ArrayLike) -> Array:
     """Return the tip Jacobians (..., 6, J) at ``q`` (..., J): twist (v, w) of the tip's centre in world axes per joint rate."""
     q = np.asarray(q, dtype=np.float64)

@@ -12,6 +12,9 @@ from dexplan.contact.surface import AbstractSurface
 from dexplan.scene.chain import Chain, compute_tip_pose
 from dexplan.spatial import Array, read_only
 
+OBJECT, STANDING = -1, -2
+"""Whose a body is that belongs to no finger: the object's own, or one that stands still (floor, obstacles)."""
+
 
 @dataclass(frozen=True)
 class Obstacle:
@@ -20,6 +23,19 @@ class Obstacle:
     kind: str
     position: tuple[float, float, float]
     size: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """The two bodies that are nearest to one another, of those that should not touch.
+
+    ``distance`` [m], negative where they overlap, never more than what the probe sees; ``names`` of both; ``owners``: a finger's
+    number, :data:`OBJECT` or :data:`STANDING` for each, and nobody where nothing is near.
+    """
+
+    distance: float
+    names: str
+    owners: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

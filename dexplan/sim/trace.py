@@ -49,6 +49,8 @@ class Trace:
     model_xml: str
     columns: Mapping[str, NDArray[Any]]
     meta: Mapping[str, Any]
+    contradictions: tuple[str, ...] = ()
+    """What the run folder that it was read from says against it, for the judge; no part of the file or of equality."""
 
     def __post_init__(self) -> None:
         columns = {}

@@ -22,6 +22,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
 from dexplan.planning.roll import Roll
 from dexplan.planning.roll_gait import as_roll, build_roll, end_placement, follow_roll, judge_ways
+from dexplan.planning.tip_rotation import refuse_rotation
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.replay import replay
@@ -129,6 +130,8 @@ class Stand:
                 return None, refusal
             contacts[leg.finger] = end_placement(leg, before, q[-1])
             actions.append(_build_action(first, tuple(contacts), leg))
+        if refusal := refuse_rotation(self.hand, actions):
+            return None, refusal
         actions.append(replace(last, contacts_end=tuple(contacts)))
         return replace(self.plan, actions=tuple(actions), status=SOLVED), ""
 
