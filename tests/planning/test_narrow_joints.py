@@ -1,4 +1,4 @@
-"""Joints narrowed to next to nothing, objects out of reach, bases on top of one another: a plan or a status, never an exception."""
+"""Joints narrowed to next to nothing, objects out of reach, bases on one another: a plan or a status, never an exception."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Starts from exactly opposite contacts, and their neighbours: a third finger has next to no room beside them, so they roll first."""
+"""Starts from exactly opposite contacts, and their neighbours: hardly any room beside them, so they roll first."""
 
 from __future__ import annotations
 
