@@ -32,7 +32,7 @@ MOST = 6_000
 """Pairs of two fingers that are looked at before none is taken to hold; where more are far enough apart, a spread of them."""
 CHUNK = 500
 """Pairs that are looked at in one go."""
-LOOKED_AT, OVERLOADED = 40, 10
+LOOKED_AT, OVERLOADED = 40, 4
 """Pairs of one go that are looked at exactly, and those refused for their load before the others are taken to be."""
 HIGH_FRICTION = 1.5
 """The sliding friction with which is tried whether friction is what is short."""
