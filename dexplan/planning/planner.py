@@ -219,20 +219,20 @@ class _Planning:
         if self.start is not None and not table.has_pair(self._find_held(table)):
             return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
         if self.is_complete:
-            return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first.reason)}")
+            return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first)}")
         return self._refuse(
             "budget_exhausted",
             f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget",
         )
 
-    def _suggest_cure(self, refusal: str) -> str:
-        """Return what would help where ``refusal`` is the commonest reason not to go on."""
-        cures = [CURE]
-        if "obstacle" in refusal:
-            cures.insert(0, "move or shrink what is in the way")
+    def _suggest_cure(self, search: GaitSearch) -> str:
+        """Return what might help against the commonest reasons not to go on; none of it was tried."""
+        cures = [str(c) for c in dict.fromkeys(search.unmet) if c is not Condition.FRICTION]
         if self.hand.object.allowed_regions:
-            cures.insert(0, "widen object.allowed_regions")
-        return ", or ".join(cures)
+            cures.insert(0, Condition.ALLOWED.value)
+        if not cures or Condition.FRICTION in search.unmet:
+            cures.append(CURE)
+        return f"what may help: {', or '.join(cures)}"
 
     def _refuse(self, status: str, reason: str) -> Plan:
         return _answer(self.hand, self.goal, status, reason, self.contacts, (), self.statistics)

@@ -21,7 +21,7 @@ SAMPLES = 200
 """Landing places of every finger that are tried, spread over all."""
 BEST = 400
 """Pairs of two fingers whose loads are computed."""
-REFUSED = 150
+REFUSED = 60
 """Pairs of two fingers that may be refused before no more of the same two are asked about."""
 
 
