@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from dexplan.errors import spell_apart
 from dexplan.planning.hand import HandModel
 from dexplan.spatial import Array
 
@@ -67,9 +68,10 @@ def explain_obstruction(hand: HandModel) -> str:
     at = classify(hand, hand.q_home)
     if at.clearance >= hand.limits.clearance:
         return ""
+    left, kept = spell_apart(1e3 * at.clearance, 1e3 * hand.limits.clearance)
     return (
-        f"{at.nearest} come within {1e3 * at.clearance:.1f} mm while all fingers are at home, where free fingers wait, and "
-        f"{1e3 * hand.limits.clearance:.1f} mm have to be left; move or shrink the obstacle"
+        f"{at.nearest} come within {left} mm while all fingers are at home, where free fingers wait, and "
+        f"{kept} mm have to be left; move or shrink the obstacle"
     )
 
 

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from dexplan.contact.friction import SoftFinger
+from dexplan.contact.sphere import require_sphere
 from dexplan.scene.description import FingerDescription, ObjectDescription
 from dexplan.scene.workspace import Workspace
 from dexplan.spatial import Array
@@ -70,6 +71,9 @@ class HandModel:
     """Largest angle between a tip's pole and its contact on the tip [rad]."""
     tip_rotation_limit: float = float(np.radians(75.0))
     """How far a tip may roll round, seen from where its contact set out: the paper's gamma [rad]."""
+
+    def __post_init__(self) -> None:
+        require_sphere(self.object.surface, "planning")
 
     @cached_property
     def p_WF_home(self) -> Array:

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from dexplan.errors import spell_apart
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.blocked import explain_no_pair
 from dexplan.planning.contacts import ContactTable
@@ -369,7 +370,8 @@ class _Planning:
         refusal = search.refuse_start(tuple(held))
         spare = compute_pair_angle_max(self.hand.friction) - table.pair_angle(tuple(held))
         if not refusal and len(held) == 2 and spare < START_CLOSURE:
-            refusal = f"they are force closed with {np.degrees(spare):.1f} deg to spare, {np.degrees(START_CLOSURE):.1f} are kept"
+            left, kept = spell_apart(np.degrees(spare), np.degrees(START_CLOSURE))
+            refusal = f"they are force closed with {left} deg to spare, {kept} are kept"
         if refusal and (len(held) < 3 or table.has_pair(tuple(held))):
             # Two contacts have to hold alone; of three that do not, rolling may make two that do.
             apart = (
