@@ -201,7 +201,7 @@ class _Planning:
         """Return the plan that says why no way was found."""
         first = self.searches[0]
         table = first.tables[0]
-        if self.start is not None and not table.has_pair(self._find_held(table)):
+        if self.is_complete and self.start is not None and not table.has_pair(self._find_held(table)):
             return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
         if self.is_complete:
             return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first.reason)}")

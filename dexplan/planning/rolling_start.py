@@ -38,11 +38,12 @@ def plan_object_manipulation(
         return plan
     rolling = RollToPair(hand, goal.X_WO_start, plan.start_contacts, Admissibility(hand))
     refused: list[Plan] = []
-    left = node_budget - int(plan.statistics["nodes"])
-    for number, option in enumerate(islice(rolling.options(), OPTIONS)):
+    left, is_cut = node_budget - int(plan.statistics["nodes"]), False
+    for number, option in enumerate(islice(rolling.options(), OPTIONS + 1)):
         # One budget for all: what an option leaves is for those after it.
-        share = left // (OPTIONS - number)
+        share = left // (OPTIONS - number) if number < OPTIONS else 0
         if share < 1:
+            is_cut = True
             break
         after = tuple(None if c is None or c.finger == option.lifted else c.X_OF for c in option.contacts)
         rest = plan_rotation(hand, goal, after, share, primitives, improvement)
@@ -50,17 +51,20 @@ def plan_object_manipulation(
         if rest.is_solved:
             return _join(hand, goal, plan, option, rest)
         refused.append(rest)
-    if not refused:
+    if not refused and not is_cut:
         return replace(plan, reason=f"{plan.reason}; rolling cannot make one: {rolling.explain()}")
     # Where a search was cut short there may be a gait after all: its words go first, and its status is the plan's.
-    telling = next((r for r in refused if r.status == "budget_exhausted"), refused[0])
-    status = telling.status if telling.status == "budget_exhausted" else plan.status
+    telling = next((r for r in refused if r.status == "budget_exhausted"), refused[0] if refused else plan)
+    status = "budget_exhausted" if is_cut or telling.status == "budget_exhausted" else plan.status
     tried = f"{len(refused)} ways tried" if len(refused) > 1 else "one way tried"
-    return replace(
-        plan,
-        status=status,
-        reason=f"{plan.reason}; after rolling ({tried}): {telling.status}: {telling.reason}",
+    found = (
+        f"after rolling ({tried}): {telling.status}: {telling.reason}" if refused else "rolling comes first"
     )
+    if is_cut and len(refused) < OPTIONS:
+        found += f"; the search gave up with ways to roll left; raise gait.node_budget above {node_budget}"
+    elif is_cut:
+        found += "; the search gave up, for there are more ways to roll; choose another start grasp"
+    return replace(plan, status=status, reason=f"{plan.reason}; {found}")
 
 
 def _join(hand: HandModel, goal: RotationGoal, start: Plan, option: RollPlan, rest: Plan) -> Plan:

@@ -73,9 +73,7 @@ def test_planner_and_controller_refuse_what_is_no_ball(scene: Scene, surface: El
     accepted = f"of kind {type(surface).__name__}, and a Sphere is accepted"
     with pytest.raises(DexplanError, match=f"planning takes .*{accepted}"):
         replace(hand, object=other)
+    nothing = Reference((), (), 5.0, pipeline.build_timing(problem))
+    options = pipeline.build_options(problem)
     with pytest.raises(DexplanError, match=f"the controller takes .*{accepted}"):
-        Controller(
-            replace(scene, object=other),
-            Reference((), (), 5.0, pipeline.build_timing(problem)),
-            pipeline.build_options(problem),
-        )
+        Controller(replace(scene, object=other), nothing, options)
