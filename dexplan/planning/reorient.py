@@ -143,7 +143,8 @@ class Turns:
         """Return the largest margin that small turns lead to from ``R`` (3, 3), and where, within reach all the way."""
         for step in CLIMB_STEPS:
             while True:
-                near = np.stack([rotate_about(axis, step) @ R for axis in (*np.eye(3), *-np.eye(3))])
+                # Turns about the vertical leave the load as it is.
+                near = np.stack([rotate_about(axis, step) @ R for axis in (*np.eye(3)[:2], *-np.eye(3)[:2])])
                 reached = np.isfinite(_measure_away(self.stages, near, self.stages.goal))
                 values = [margin(other) if ok else -np.inf for other, ok in zip(near, reached, strict=True)]
                 if max(values) <= value + 1e-9:
