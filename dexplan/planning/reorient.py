@@ -30,6 +30,8 @@ REFUSALS = 60
 FEW, CLIMBS = 3, 12
 """Where fewer turns were found than ``FEW``, others are looked for between those of the grid: from so many of them the load's
 margin is climbed."""
+MEASURED = 200
+"""The margin is measured of about so many turns of the grid at most, some ms each."""
 CLIMB_STEPS = tuple(np.radians((6.0, 3.0, 1.5)).tolist())
 """Steps of such a climb [rad]."""
 
@@ -124,7 +126,8 @@ class Turns:
                 friction = self.stages.hand.friction.scaled(self.stages.hand.limits.cone_share)
                 grasp.append(Contact(finger, surface.radial(normal), build_frame(-normal), friction))
         margin = partial(_measure_load, self.stages, Grasp(tuple(grasp)))
-        begun = [rotate_about(turn.axis_W, turn.angle) for turn in self.reachable]
+        some = self.reachable[:: 1 + len(self.reachable) // MEASURED]
+        begun = [rotate_about(turn.axis_W, turn.angle) for turn in some]
         best = sorted(((margin(R), k) for k, R in enumerate(begun)), key=lambda row: (-row[0], row[1]))
         tops: list[tuple[float, Array]] = []
         for value, k in best:
