@@ -9,19 +9,21 @@ wanted torque.  Its state lives here and nowhere else.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import mink
 import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.contact.sphere import require_sphere
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference, smooth_step
 from dexplan.control.rolling import RollOffset
 from dexplan.control.tasks import FingertipTask, JointLimit
-from dexplan.grasp.force import GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
+from dexplan.grasp.force import EXCHANGES, GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix, rotation_vector
@@ -34,6 +36,8 @@ REFRESH = 5
 """Ticks between two looks at where the contacts are on the object."""
 CONE_SHARE = 0.99
 """Share of the believed cone that forces may use: the rest covers what contact frames are known to."""
+FORCE_SOLVERS = ("daqp", "osqp")
+"""Who may solve for the contact forces."""
 CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
 """The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
 
@@ -42,14 +46,15 @@ CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
 class ControlOptions:
     """What the controller believes and how it is tuned.
 
-    ``sliding`` and ``torsional`` [m] are the *believed* friction; ``object_mass`` [kg] and the normal forces [N] belong to the
-    task.  ``feedforward`` and ``object_feedback`` scale the two loops, for ablations.
+    ``sliding`` and ``torsional`` [m] are the *believed* friction.  ``feedforward`` and ``object_feedback`` scale the two loops,
+    for ablations.
     """
 
     sliding: float
     torsional: float
-    normal_floor: float = 4.0
-    normal_ceiling: float = 12.0
+    normal_floor: float | None = None
+    normal_ceiling: float | None = None
+    """Least and greatest normal force of a loaded contact [N]; None: the plan's."""
     torque_fraction: float = 0.77
     """Share of the torque limits that forces may take: plans keep to 0.70, and what the servos add has to stay below 0.8."""
     feedforward: float = 1.0
@@ -60,6 +65,12 @@ class ControlOptions:
     """Time constant [s] in which a fingertip's carried pose follows the measured one: unwanted squeeze goes."""
     joint_speed: float = 8.0
     """Fastest joint motion that mink may ask for [rad/s]."""
+    force_solver: Literal["daqp", "osqp"] = "daqp"
+    """Who solves for the contact forces: DAQP with OSQP behind it, or OSQP alone."""
+
+    def __post_init__(self) -> None:
+        if self.force_solver not in FORCE_SOLVERS:
+            raise ValueError(f"force solver {self.force_solver!r}; accepted: {' or '.join(FORCE_SOLVERS)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +92,8 @@ class Command:
     ik_at_limit: bool
     is_done: bool
     failure: str | None
+
+    __repr__ = brief_repr
 
 
 class Controller:
@@ -111,6 +124,13 @@ class Controller:
         self._maps: tuple[object, Array, Array, list[tuple[Array, Array]]] | None = None
         self._ticks = 0
         self._force_limits: tuple[object, ForceLimits] | None = None
+        self._floor, self._ceiling = (
+            planned if asked is None else asked
+            for asked, planned in (
+                (options.normal_floor, reference.normal_floor),
+                (options.normal_ceiling, reference.normal_ceiling),
+            )
+        )
         self._measured = mink.Configuration(self._model)
         self._J = np.zeros((self._n, 6, self._model.nv))
         self._bias = np.zeros(self._model.nv)
@@ -315,6 +335,7 @@ class Controller:
                 self._joints.shape[1],
                 length=size,
                 friction_weight=GENTLE_FRICTION,
+                exchanges=EXCHANGES if self._options.force_solver == "daqp" else 0,
             )
             self._solvers[holding] = solver
         s = smooth_step(t / phase.duration)
@@ -368,6 +389,6 @@ class Controller:
         key = (holding, share)
         if self._force_limits is None or self._force_limits[0] != key:
             loads, reach = np.array(share), self._options.torque_fraction * self._torque[list(holding)]
-            floor, ceiling = loads * self._options.normal_floor, loads * self._options.normal_ceiling + 1e-9
+            floor, ceiling = loads * self._floor, loads * self._ceiling + 1e-9
             self._force_limits = (key, ForceLimits(floor, ceiling, -reach, reach))
         return self._force_limits[1]

@@ -11,7 +11,6 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.errors import spell_apart
 from dexplan.planning.hand import HandModel
 from dexplan.spatial import Array
 
@@ -58,21 +57,6 @@ def classify(hand: HandModel, q: Array, X_WO: Array | None = None) -> Configurat
     if clearance <= 0.0:
         return Configuration("collision", touching, clearance, nearest)
     return Configuration("contact" if touching else "free", touching, clearance, nearest)
-
-
-def explain_obstruction(hand: HandModel) -> str:
-    """Return what is too near to what while all fingers and the object are at home, and the cure; "" where nothing is.
-
-    Free fingers wait at home, so no plan can begin there.
-    """
-    at = classify(hand, hand.q_home)
-    if at.clearance >= hand.limits.clearance:
-        return ""
-    left, kept = spell_apart(1e3 * at.clearance, 1e3 * hand.limits.clearance)
-    return (
-        f"{at.nearest} come within {left} mm while all fingers are at home, where free fingers wait, and "
-        f"{kept} mm have to be left; move or shrink the obstacle"
-    )
 
 
 def compute_tip_gaps(hand: HandModel, q: Array, X_WO: Array) -> Array:

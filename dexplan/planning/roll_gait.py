@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.rolling import RollingPath, roll_turning
 from dexplan.errors import spell_apart
 from dexplan.planning.admissible import Admissibility, Margins, compute_finger_states, worst
@@ -23,7 +24,7 @@ from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, Planne
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.roll import Roll
 from dexplan.planning.tip_rotation import ROUNDING, describe_rotation, measure_rotation, trace_on_tip
-from dexplan.planning.travel import build_travel, compute_hover, wrap_near
+from dexplan.planning.travel import build_travel, compute_hover, compute_travel_margin, refine, wrap_near
 from dexplan.scene.chain import compute_joint_margin, solve_ik
 from dexplan.spatial import Array
 
@@ -49,6 +50,8 @@ class RollPlan:
     lifted: int
     margins: dict[str, float] = field(default_factory=dict)
     pair_margins: dict[str, float] = field(default_factory=dict)
+
+    __repr__ = brief_repr
 
 
 def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: float, count: int) -> Roll:
@@ -172,8 +175,10 @@ class RollToPair:
         beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
         now = float(np.arccos(np.clip(a.normal_O @ b.normal_O, -1.0, 1.0)))
         first = max(np.pi - 2.0 * beta - now, 0.0)
-        for wider in np.arange(first, min(first + WIDEST, np.pi - now), STEP):
-            if (found := self.open_pair(a, b, third, float(wider))) is not None:
+        openings = np.arange(first, min(first + WIDEST, np.pi - now), STEP).tolist()
+        # A pair that holds alone needs no opening, and exactly opposite contacts have none left.
+        for wider in openings or ([0.0] if first == 0.0 else []):
+            if (found := self.open_pair(a, b, third, wider)) is not None:
                 yield found
 
     def open_pair(self, a: Placement, b: Placement, third: Placement, wider: float) -> RollPlan | None:
@@ -273,6 +278,12 @@ class RollToPair:
         assert third is not None
         hover = compute_hover(description, self.X_WO, third.X_OF, third.normal_O, third.q, self.hand.hover)
         way = build_travel(description, description.q_home, hover, self.X_WO[:3, 3])
+        margin = float(compute_joint_margin(description.chain, refine(way)).min())
+        if margin < compute_travel_margin(self.hand, lifted):
+            return (
+                None,
+                f"{description.name} comes within {np.degrees(margin):.1f} deg of a joint limit when it leaves",
+            )
         clearance, names = self.admissibility.compute_path_clearance(q, self.X_WO, lifted, way, pair)
         if clearance < self.hand.limits.clearance:
             return None, f"{names} too near when {description.name} leaves"

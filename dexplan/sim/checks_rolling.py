@@ -20,13 +20,13 @@ def check_rolling_error_max(case: Case) -> CheckResult:
     With the outward normal n_O at the contact and the tip's rotation relative to the object, w, rolling
     without sliding gives dn_O/dt = r/(R + r) w x n_O on the object and, with the direction m_F = -n seen from
     the tip, dm_F/dt = -R/(R + r) w x m_F. Both are integrated over each contact from its first sample and
-    compared with the direction between the two centres.  A tip that bounces goes on rolling: gaps shorter than a
-    touch window do not start the measurement afresh.
+    compared with the direction between the two centres.  A tip that bounces goes on rolling: gaps no longer
+    than ``episode_gap_s`` do not start the measurement afresh.
     """
     name, limit, replay = "rolling_error_max", case.limit("rolling_error_max_deg"), case.replay
     R, r = replay.world.object_radius, replay.world.tip_radius
     worst, moment, label, measured = 0.0, None, "", False
-    reach = round(case.limit("contact_window_s") / case.sample_time)
+    reach = round(case.limit("episode_gap_s") / case.sample_time)
     if not (np.isfinite(replay.object_pose).all() and np.isfinite(replay.tip_rotation).all()):
         return fail(name, "deg", "a pose is not a number", limit)
     if not case.sample_count or np.isnan(R):
@@ -74,6 +74,8 @@ def check_roll_path_error_max(case: Case) -> CheckResult:
     for index, action in enumerate(case.plan["actions"]):
         samples = np.flatnonzero(action_index == index)
         for roll in action.get("rolls", ()):
+            if roll["finger"] not in replay.world.fingers:
+                return fail(name, "deg", f"action {index} rolls a finger that the model lacks", limit)
             k = replay.world.fingers.index(roll["finger"])
             if not len(samples) or not replay.contact_active[samples, k].all():
                 return fail(

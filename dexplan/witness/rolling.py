@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
+from dexplan.brief import brief_repr
 from dexplan.contact.manoeuvre import RollingTriangle
 from dexplan.errors import DexplanError
 from dexplan.planning.admissible import Admissibility
@@ -61,6 +62,8 @@ class RollTrial:
     ball_mm: float
     ball_deg: float
 
+    __repr__ = brief_repr
+
     def as_dict(self) -> dict[str, Any]:
         """Return the trial as JSON data."""
         return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
@@ -90,6 +93,8 @@ class Stand:
     place_deg: tuple[float, float]
     hand: HandModel
     plan: Plan
+
+    __repr__ = brief_repr
 
     @classmethod
     def build(cls, problem: Problem, place_deg: tuple[float, float] = PLACES_DEG[0]) -> Stand:

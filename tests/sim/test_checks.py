@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -160,6 +161,13 @@ def free_third() -> Case:
     return replace(held(), plan=make_plan([table]))
 
 
+def edited_plan(change: Callable[[dict[str, Any]], Any], **sections: Any) -> Case:
+    """Return the held case with its plan edited, perhaps judged by another problem."""
+    plan = copy.deepcopy(make_plan())
+    change(plan)
+    return replace(held(), plan=plan, problem=make_problem(**sections))
+
+
 R = "replay"
 FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
     ("replay_matches", "one bit", lambda: with_columns(qpos=np.nextafter(held().replay.qpos, 9.0))),
@@ -170,6 +178,44 @@ FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
     ("trace_consistent", "active", lambda: with_columns(contact_active=~held().replay.contact_active)),
     ("trace_consistent", "point", lambda: with_columns(contact_point_O=held().replay.contact_point_O + 1e-3)),
     ("physics_untouched", "heavier", lambda: with_problem(object={"mass_kg": 0.05})),
+    ("files_agree", "status", lambda: edited_plan(lambda p: p.update(status="no_gait"))),
+    ("files_agree", "no actions", lambda: edited_plan(lambda p: p.update(actions=[]))),
+    ("files_agree", "fingers", lambda: edited_plan(lambda p: p.update(fingers=["a", "b", "c"]))),
+    ("files_agree", "kind", lambda: edited_plan(lambda p: p["goal"].update(kind="grasp_adjustment"))),
+    (
+        "files_agree",
+        "start",
+        lambda: edited_plan(lambda p: p["start"].update(object_pose=[*HOME[:2], 0.17, *HOME[3:]])),
+    ),
+    ("files_agree", "goal", lambda: with_problem(goal={"translation_m": [0.0, 0.0, 0.01]})),
+    (
+        "files_agree",
+        "whole turns",
+        lambda: with_problem(goal={"rotation": {"axis": [0, 0, 1], "angle_deg": 360.0}}),
+    ),
+    (
+        "files_agree",
+        "start contacts",
+        lambda: with_problem(start={"contacts_deg": [[1.0, 0], [120.0, 0], [240.0, 0]]}),
+    ),
+    (
+        "files_agree",
+        "free at the start",
+        lambda: with_problem(start={"contacts_deg": [[0, 0], [120, 0], "free"]}),
+    ),
+    (
+        "files_agree",
+        "goal contacts",
+        lambda: with_problem(goal={"contacts_deg": [[0, 0], [120, 0], [242, 0]]}),
+    ),
+    (
+        "files_agree",
+        "chain",
+        lambda: edited_plan(
+            lambda p: p["actions"].append({**p["actions"][0], "object_pose_start": [0.01, *HOME[1:]]})
+        ),
+    ),
+    ("files_agree", "told by the folder", lambda: replace(held(), contradictions=("two models",))),
     ("phases_in_order", "no such", lambda: with_columns(action_index=np.ones(250, dtype=int))),
     ("phases_in_order", "left out", lambda: replace(held(), plan=make_plan([{}, {}]))),
     (
