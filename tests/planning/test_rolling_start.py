@@ -177,8 +177,8 @@ def test_routes_that_were_not_begun_leave_the_answer_open(slippery: HandModel) -
 def test_ways_to_roll_that_were_not_tried_leave_the_answer_open(
     slippery: HandModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two ways to roll lead nowhere, as above; of one that is all that may be tried, nothing follows for the other."""
-    monkeypatch.setattr(rolling_start, "OPTIONS", 1)
+    """Where one way to roll is all that may be tried, nothing follows from it for the others."""
+    monkeypatch.setattr(rolling_start._FromThree, "most", 1)
     plan = ask(slippery, NOTHING_HELPS)[1]
     assert plan.status == "budget_exhausted"
     assert "after rolling (one way tried): no_gait: " in plan.reason
