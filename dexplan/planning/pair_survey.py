@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.contact.friction import SoftFinger
+from dexplan.errors import spell_apart
 from dexplan.planning.admissible import Admissibility, compute_finger_states
 from dexplan.planning.aligned import build_aligned
 from dexplan.planning.conditions import Condition, classify_nearness
@@ -281,9 +282,7 @@ def explain_no_pair(hand: HandModel, X_WO: Array, admissibility: Admissibility) 
     everyone = tuple(range(len(hand.fingers)))
     alone = hand.probe.find_nearest(hand.q_home, X_WO, (), everyone)
     if alone.distance < (gap := hand.limits.clearance):
-        return (
-            f"{alone.names} would come within {1e3 * alone.distance:.1f} mm there, and {1e3 * gap:.1f} mm have to be left; "
-            f"{Condition.STANDING}"
-        )
+        left, kept = spell_apart(1e3 * alone.distance, 1e3 * gap)
+        return f"{alone.names} would come within {left} mm there, and {kept} mm have to be left; {Condition.STANDING}"
     survey = PairSurvey(hand, X_WO, admissibility)
     return "" if survey.find_pair() is not None else survey.explain()

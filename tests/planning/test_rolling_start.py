@@ -186,3 +186,24 @@ def test_routes_that_were_not_begun_leave_the_answer_open(slippery: HandModel) -
     goal = RotationGoal(slippery.object.X_WO_home, UP, float(np.radians(LIFTING_IS_ENOUGH.turn)))
     assert plan_rotation(slippery, goal, pair, BUDGET).is_solved
     assert plan_rotation(slippery, goal, pair, 1).status == "budget_exhausted"
+
+
+def test_ways_to_roll_that_were_not_tried_leave_the_answer_open(
+    slippery: HandModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where one way to roll is all that may be tried, nothing follows from it for the others."""
+    monkeypatch.setattr(rolling_start._FromThree, "most", 1)
+    plan = ask(slippery, NOTHING_HELPS)[1]
+    assert plan.status == "budget_exhausted"
+    assert "after rolling (one way tried): no_gait: " in plan.reason
+    assert plan.reason.endswith(
+        "the search gave up, for there are more ways to roll; choose another start grasp"
+    )
+
+
+def test_without_a_node_left_rolling_is_not_called_impossible(slippery: HandModel) -> None:
+    nodes = int(ask(slippery, LIFTING_IS_ENOUGH)[0].statistics["nodes"])
+    plan = ask(slippery, LIFTING_IS_ENOUGH, nodes)[1]
+    assert plan.status == "budget_exhausted"
+    assert "rolling cannot make one" not in plan.reason
+    assert "raise gait.node_budget" in plan.reason
