@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +14,9 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Timing, build_reference
 from dexplan.control.speed import compute_speed
-from dexplan.errors import DexplanError
+from dexplan.errors import DexplanError, RunFolderError
 from dexplan.planning.adjustment import plan_grasp_adjustment
-from dexplan.planning.configuration_space import explain_obstruction
+from dexplan.planning.blocked import explain_obstruction
 from dexplan.planning.cost import CostWeights, Improvement
 from dexplan.planning.dextrous import plan_dextrous_manipulation
 from dexplan.planning.fixed_contacts import plan_fixed_contacts
@@ -24,7 +26,9 @@ from dexplan.planning.plan import Plan
 from dexplan.planning.planner import refuse
 from dexplan.planning.rolling_start import plan_object_manipulation
 from dexplan.planning.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
+from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
+from dexplan.run_folder import save_problem, write_whole
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
 from dexplan.scene.penetration import compute_force_at
@@ -32,9 +36,11 @@ from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene
 from dexplan.scene.workspace import load_workspace
 from dexplan.sim import rollout as _rollout
-from dexplan.sim.trace import Trace
+from dexplan.sim.trace import Trace, check_replayable
 from dexplan.sim.validate import ValidationReport, validate_run
+from dexplan.sim.world import read_world
 from dexplan.spatial import Array, as_pose
+from dexplan.viz.timeline import build_captions
 
 
 def build_scene(problem: Problem) -> Scene:
@@ -72,6 +78,7 @@ def build_hand(problem: Problem, scene: Scene) -> HandModel:
         hover=timing.hover,
         acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
         tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
+        tip_rotation_limit=float(np.radians(problem.hand.tip_rotation_limit_deg)),
     )
 
 
@@ -128,10 +135,11 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
     if reason := build_squeeze(problem, scene).refusal:
         return replace(refuse(hand, goal, "object_too_light", reason), goal_kind=asked.kind)
-    if problem.obstacles and (reason := explain_obstruction(hand)):
-        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
+    waiting = None if start is None else tuple(f for f, normal in enumerate(start) if normal is None)
+    if reason := explain_obstruction(hand, waiting):
+        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
@@ -167,6 +175,8 @@ def rollout(
 ) -> Trace:
     """Run ``plan`` in MuJoCo, closed loop; a failure still returns the trace so far.
 
+    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
+
     ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
     and controller believe (uncertainty).  Raises DexplanError for a plan without actions.
     """
@@ -182,24 +192,38 @@ def rollout(
         options or build_options(problem),
         world=true_scene or scene,
         X_WO_start=X_WO_start,
-        meta={"problem": problem.name, "seed": problem.seed if seed is None else seed},
+        meta={
+            "problem": problem.name,
+            "seed": problem.seed if seed is None else seed,
+            "captions": build_captions(plan),
+            **as_run.describe_run(problem, plan.as_dict()),
+        },
         progress=progress,
     )
 
 
-def build_options(problem: Problem, **changes: float) -> ControlOptions:
+def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
-    options = ControlOptions(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
+    options = ControlOptions(
+        problem.friction.believed_sliding,
+        problem.friction.believed_torsional_m,
+        force_solver=problem.control.force_solver,
+    )
     return replace(options, **changes)
 
 
 def validate(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
-    """Judge a run by replaying it; uses problem and plan as data only."""
+    """Judge a run by replaying it; uses problem and plan as data only.  Raises RunFolderError for a trace that is none."""
+    check_replayable(trace, "the trace")
     return validate_run(problem.as_dict(), plan.as_dict(), trace)
 
 
 def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
-    """Film a trace offscreen, in a process of its own.  Raises RenderError where no renderer can be started."""
+    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``.
+
+    The trace carries its captions; ``plan`` adds marks where the goal's contacts are.  Raises RenderError where no renderer can
+    be started, and for any other suffix.
+    """
     from dexplan.viz.video import render_video
 
     render_video(trace, plan, Path(path))
@@ -216,28 +240,57 @@ def save_run(
     folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
 ) -> None:
     """Write the run folder: problem, plan, model, trace, report and the summary figure."""
-    from dexplan.viz.figure import draw_summary
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    problem.save(folder / "problem.toml")
+    save_problem(problem, folder / "problem.toml")
     plan.save(folder / "plan.json")
-    partial = folder / ".model.xml.partial"
-    partial.write_text(trace.model_xml, encoding="utf-8")
-    partial.replace(folder / "model.xml")
+    write_whole(folder / "model.xml", trace.model_xml)
     trace.save(folder / "trace.npz")
     report.save(folder / "report.json")
-    draw_summary(problem.as_dict(), plan, trace, report, folder / "summary.png")
+    draw_run(folder, problem, plan, trace, report)
+
+
+def draw_run(
+    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
+) -> None:
+    """Draw the summary figure of a run into its folder."""
+    from dexplan.viz.figure import draw_summary
+
+    draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
 
 
 def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
-    """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else."""
+    """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else.
+
+    What the files say against each other goes with the trace, for the judge: a folder that cannot be read is refused, a
+    folder that contradicts itself is judged, and fails.
+    """
     folder = Path(folder)
-    return (
-        Problem.load(folder / "problem.toml"),
-        Plan.load(folder / "plan.json"),
-        Trace.load(folder / "trace.npz"),
-    )
+    problem = Problem.load(folder / "problem.toml")
+    plan = Plan.load(folder / "plan.json")
+    model_xml = _read_model(folder / "model.xml")
+    trace = Trace.load(folder / "trace.npz")
+    check_replayable(trace, str(folder / "trace.npz"))
+    as_run.check_whole(folder / "problem.toml", trace.meta)
+    written = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    found = list(as_run.find_differences(folder / "problem.toml", written, trace.meta))
+    if model_xml != trace.model_xml:
+        read_world(model_xml)
+        found.append("model.xml and the model in trace.npz are not the same text")
+    return problem, plan, replace(trace, contradictions=tuple(found))
+
+
+def _read_model(path: Path) -> str:
+    """Return the text of model.xml; RunFolderError where there is none."""
+    accepted = "the model.xml that `dexplan run` wrote beside trace.npz is needed"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text"
+        raise RunFolderError(str(path), f"it cannot be read ({reason})", accepted) from error
+    if not text.strip():
+        raise RunFolderError(str(path), "it is empty", accepted)
+    return text
 
 
 def inspect(problem: Problem, folder: str | Path) -> str:

@@ -9,18 +9,20 @@ wanted torque.  Its state lives here and nowhere else.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import mink
 import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference, smooth_step
 from dexplan.control.rolling import RollOffset
 from dexplan.control.tasks import FingertipTask, JointLimit
-from dexplan.grasp.force import GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
+from dexplan.grasp.force import EXCHANGES, GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix, rotation_vector
@@ -33,6 +35,8 @@ REFRESH = 5
 """Ticks between two looks at where the contacts are on the object."""
 CONE_SHARE = 0.99
 """Share of the believed cone that forces may use: the rest covers what contact frames are known to."""
+FORCE_SOLVERS = ("daqp", "osqp")
+"""Who may solve for the contact forces."""
 CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
 """The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
 
@@ -60,6 +64,12 @@ class ControlOptions:
     """Time constant [s] in which a fingertip's carried pose follows the measured one: unwanted squeeze goes."""
     joint_speed: float = 8.0
     """Fastest joint motion that mink may ask for [rad/s]."""
+    force_solver: Literal["daqp", "osqp"] = "daqp"
+    """Who solves for the contact forces: DAQP with OSQP behind it, or OSQP alone."""
+
+    def __post_init__(self) -> None:
+        if self.force_solver not in FORCE_SOLVERS:
+            raise ValueError(f"force solver {self.force_solver!r}; accepted: {' or '.join(FORCE_SOLVERS)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +91,8 @@ class Command:
     ik_at_limit: bool
     is_done: bool
     failure: str | None
+
+    __repr__ = brief_repr
 
 
 class Controller:
@@ -321,6 +333,7 @@ class Controller:
                 self._joints.shape[1],
                 length=size,
                 friction_weight=GENTLE_FRICTION,
+                exchanges=EXCHANGES if self._options.force_solver == "daqp" else 0,
             )
             self._solvers[holding] = solver
         s = smooth_step(t / phase.duration)

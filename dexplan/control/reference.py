@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.control.carry import follow_contacts
 from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.detour import interpolate
@@ -88,6 +89,8 @@ class ObjectPath:
     duration: float
     ramp: float
 
+    __repr__ = brief_repr
+
     def progress(self, t: float) -> tuple[float, float, float]:
         """Return how much of the motion is done ``t`` [s] after its start (0..1), and two derivatives in time."""
         return _cruise(t, self.duration, self.ramp)
@@ -154,6 +157,8 @@ class Phase:
     pace: str = ""
     rolls: Mapping[int, Roll] = field(default_factory=dict)
 
+    __repr__ = brief_repr
+
     def travelled(self, t: float) -> float:
         """Return how much of its ``postures`` a free finger has passed at ``t`` (0..1).
 
@@ -192,6 +197,8 @@ class Reference:
     timing: Timing
     normal_floor: float = 4.0
     normal_ceiling: float = 12.0
+
+    __repr__ = brief_repr
 
     @property
     def duration(self) -> float:

@@ -48,6 +48,10 @@ GENTLE_FRICTION = 0.02
 squeeze, and less squeeze is nearer to sliding under the load: the weight only has to decide what the squeeze leaves open."""
 
 
+EXCHANGES = 200
+"""DAQP's exchanges of active rows before OSQP takes over: warm ticks take a handful, cold ones some dozens."""
+
+
 def compute_smoothness(tick: float, time_constant: float) -> float:
     """Return the ``smoothness`` s with which forces follow a new optimum in ``time_constant`` [s], one solve per ``tick`` [s].
 
@@ -94,7 +98,7 @@ class ForceSolver:
         wrench_tolerance: float = 0.0,
         tolerance: float = 1e-6,
         max_iterations: int = 400,
-        exchanges: int = 200,
+        exchanges: int = EXCHANGES,
     ) -> None:
         self.settings = ForceSettings(
             tuple(models), length, reach, normal_weight, friction_weight, smoothness, wrench_tolerance

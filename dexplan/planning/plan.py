@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.planning.roll import Roll
 from dexplan.planning.speed import PlannedSpeed
@@ -41,6 +42,8 @@ class Placement:
     X_OF: Array
     q: Array
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         for name in ("point_O", "normal_O", "X_OF", "q"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
@@ -62,6 +65,8 @@ class GoalContact:
     finger: int
     point_O: Array
     normal_O: Array
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("point_O", "normal_O"):
@@ -108,6 +113,8 @@ class Action:
     rolls: tuple[Roll, ...] = ()
     way: Array | None = None
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_end", "axis_W"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
@@ -143,11 +150,16 @@ class Plan:
     normal_ceiling: float = 12.0
     speed: PlannedSpeed | None = None
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_goal", "axis_W"):
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, read_only(value))
+
+    def __str__(self) -> str:
+        return self.explain()
 
     @property
     def is_solved(self) -> bool:
@@ -225,9 +237,12 @@ class Plan:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write ``plan.json`` atomically."""
         target = Path(path)
-        partial = target.with_name(target.name + ".partial")
-        partial.write_text(json.dumps(self.as_dict(), indent=1) + "\n", encoding="utf-8")
-        partial.replace(target)
+        partial = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+        try:
+            partial.write_text(json.dumps(self.as_dict(), indent=1) + "\n", encoding="utf-8")
+            partial.replace(target)
+        finally:
+            partial.unlink(missing_ok=True)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Plan:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from dexplan.brief import brief_repr
 from dexplan.planning.detour import Surroundings, bow_arc, find_detour, interpolate
 from dexplan.planning.hand import HandModel
 from dexplan.planning.spherical_wrist import solve_near
@@ -34,6 +35,8 @@ class Way:
     clearance: float
     names: str
     around: str = ""
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "postures", read_only(self.postures))

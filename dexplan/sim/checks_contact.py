@@ -143,10 +143,10 @@ def check_coulomb_slip_max(case: Case) -> CheckResult:
     if not replay.contact_active.any():
         return fail(name, "mm", "no finger ever touches", limit)
     path = np.where(sliding, np.nan_to_num(speed), 0.0) * case.sample_time * MM
-    reach = round(case.limit("contact_window_s") / case.sample_time)
+    reach = round(case.limit("episode_gap_s") / case.sample_time)
     worst, moment = np.zeros(case.finger_count), 0.0
     for k in range(case.finger_count):
-        # Bounces of one touch belong to one episode: gaps shorter than a window do not end it.
+        # Bounces of one touch belong to one episode: a short gap does not end it.
         for start, stop in find_runs(close_gaps(replay.contact_active[:, k], reach)):
             slid = float(path[start:stop, k].sum())
             if slid > worst[k]:

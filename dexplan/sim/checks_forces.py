@@ -60,21 +60,6 @@ def check_force_prediction_error(case: Case) -> CheckResult:
     )
 
 
-def check_force_qp_feasible(case: Case) -> CheckResult:
-    """Quiet ticks whose forces were not solved for, or leave too much of the weight unbalanced."""
-    name, limit = "force_qp_feasible", case.limit("force_qp_feasible")
-    status, residual = case.column("qp_status"), case.column("qp_wrench_residual")
-    if status is None or residual is None:
-        return fail(name, "count", "the record has no qp_status or qp_wrench_residual", limit)
-    unsolved = status != case.limit("force_qp_solved_status")
-    share = 100 * residual / case.weight
-    unbalanced = ~(share <= case.limit("force_qp_residual_pct"))
-    # Numbers that are missing must not hide behind a run without quiet samples.
-    wrong = ((unsolved | unbalanced) & case.quiet) | np.isnan(status) | np.isnan(residual)
-    note = f"largest quiet residual {np.max(share[case.quiet], initial=0.0):.2f} %"
-    return judge_count(name, wrong, case.replay.time, limit, note)
-
-
 def check_force_cone_margin_min(case: Case) -> CheckResult:
     """Planned forces inside the exact believed cone, torsion included: 1 - utilisation, smallest."""
     name, limit, friction = (

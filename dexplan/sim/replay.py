@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.sim.world import Flags, Indices, World, read_world
 from dexplan.spatial import Array
@@ -42,7 +43,8 @@ class Replay:
     ``object_pose`` (T, 7) [m, wxyz, W]; ``tip_position`` (T, F, 3), ``tip_rotation`` (T, F, 3, 3) in W, z
     towards the tip's pole. Contacts of tip on object, NaN where there is none: ``contact_active`` (T, F);
     ``contact_point_O`` (T, F, 3); ``contact_rotation_O`` (T, F, 3, 3) with columns t1, t2, n, n into the
-    object; ``contact_force`` (T, F, 4) = (f_t1, f_t2, f_n, tau_n) on the object; ``contact_slip_velocity``
+    object; ``contact_friction`` (T, F, 2) = sliding [-] and torsional [m], the latter 0 where a contact has none;
+    ``contact_force`` (T, F, 4) = (f_t1, f_t2, f_n, tau_n) on the object; ``contact_slip_velocity``
     (T, F, 3) = two tangential [m/s] and spin [rad/s] of the tip against the object; ``penetration`` (T, F)
     [m]; ``tip_contact_angle`` (T, F) [rad].  ``actuator_force`` (T, nu) [N m]. ``clearance`` (K, F, 4) [m] at
     ``clearance_samples`` (K,), per finger to :data:`OBSTACLE_KINDS`, at most ``clearance_horizon``.
@@ -60,6 +62,7 @@ class Replay:
     contact_active: Flags
     contact_point_O: Array
     contact_rotation_O: Array
+    contact_friction: Array
     contact_force: Array
     contact_slip_velocity: Array
     penetration: Array
@@ -71,6 +74,8 @@ class Replay:
     clearance_horizon: float
     contact_settings: tuple[tuple[float, ...], ...]
     warnings: Mapping[str, int]
+
+    __repr__ = brief_repr
 
 
 def replay(
@@ -130,6 +135,7 @@ class _Reader:
         self.tip_position, self.tip_rotation = np.zeros((T, F, 3)), np.zeros((T, F, 3, 3))
         self.active = np.zeros((T, F), dtype=bool)
         self.point, self.rotation = np.full((T, F, 3), np.nan), np.full((T, F, 3, 3), np.nan)
+        self.friction = np.full((T, F, 2), np.nan)
         self.force, self.slip = np.full((T, F, 4), np.nan), np.full((T, F, 3), np.nan)
         self.penetration, self.angle = np.full((T, F), np.nan), np.full((T, F), np.nan)
         self.actuator_force = np.zeros((T, model.nu))
@@ -178,6 +184,8 @@ class _Reader:
             if self.active[t, k] and -distances[c] <= self.penetration[t, k]:
                 continue
             self._read_touch(t, k, int(c), data, float(distances[c]), second == world.object_geom)
+            mu, _, torsional = contact.friction[c, :3]
+            self.friction[t, k] = mu, torsional if contact.dim[c] >= 4 else 0.0
             row = np.concatenate(
                 [contact.friction[c], contact.solref[c], contact.solimp[c], [float(contact.dim[c])]]
             )
@@ -259,6 +267,7 @@ class _Reader:
             contact_active=self.active,
             contact_point_O=self.point,
             contact_rotation_O=self.rotation,
+            contact_friction=self.friction,
             contact_force=self.force,
             contact_slip_velocity=self.slip,
             penetration=self.penetration,
