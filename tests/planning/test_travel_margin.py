@@ -61,7 +61,7 @@ def test_a_hover_at_a_joint_limit_is_named(hand: HandModel) -> None:
         Surroundings(hand, hand.q_home, hand.object.X_WO_home, 0, ()), np.linspace(who.q_home, q, 17)
     )
     assert way.clearance == -np.inf
-    assert way.names == f"{who.name} and a joint limit"
+    assert way.names == f"{who.name} and its joint limits"
 
 
 def test_an_arc_that_swings_into_a_joint_limit_is_gone_around(hand: HandModel) -> None:
