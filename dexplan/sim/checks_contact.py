@@ -174,6 +174,7 @@ def check_creep_rate_max(case: Case) -> CheckResult:
     window = max(1, round(case.limit("creep_window_s") / case.sample_time))
     duration = window * case.sample_time
     rest, moving = case.limit("creep_rest_um_s"), case.limit("creep_moving_um_s")
+    anchor = max(case.limit("creep_moving_speed_deg_s"), 1e-9)
     slip, turned = compute_slip_path(case), compute_carried_angle(case)
     # While one tip rolls all contacts are pushed about, as when the object moves.
     moves = case.is_rolling[1:] | np.any(case.reference[1:] != case.reference[:-1], axis=1)
@@ -186,7 +187,7 @@ def check_creep_rate_max(case: Case) -> CheckResult:
             rate = np.linalg.norm(_sum_windows(slip[steps, k], window), axis=1) / duration * UM
             speed = np.degrees(_sum_windows(turned[steps, k], window)) / duration
             is_moving = _sum_windows(moves[steps].astype(np.float64), window) > 0
-            allowed = np.maximum(rest, moving * speed / case.limit("creep_moving_speed_deg_s"))
+            allowed = np.maximum(rest, moving * speed / anchor)
             rate = np.where(is_moving, rate * moving / allowed, rate)
             for value, kind, t in zip(rate, is_moving, replay.time[start : stop - window], strict=True):
                 rows[bool(kind)].append((float(value), float(t)))
