@@ -47,7 +47,7 @@ class Timing:
     retreat: float = 0.22
     ramp: float = 0.30
     """Time to bring the object up to speed, and to rest again."""
-    touch_timeout: float = 0.15
+    touch_timeout: float = 0.30
     """How much longer than planned a finger may take to find the object."""
     light_load: float = 0.25
     """Share of its full load that a finger bears when it has just touched and before it leaves."""
