@@ -16,9 +16,10 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
+from dexplan.planning.poses import read_pose, write_pose
 from dexplan.planning.roll import Roll
 from dexplan.planning.speed import PlannedSpeed
-from dexplan.spatial import Array, as_pose, as_pose7, read_only
+from dexplan.spatial import Array, read_only
 
 FORMAT = 1
 
@@ -177,12 +178,12 @@ class Plan:
             "normal_floor_N": self.normal_floor,
             "normal_ceiling_N": self.normal_ceiling,
             "start": {
-                "object_pose": _pose(self.X_WO_start),
+                "object_pose": write_pose(self.X_WO_start),
                 "contacts": self._contacts(self.start_contacts),
             },
             "goal": {
                 "kind": self.goal_kind,
-                "object_pose": _pose(self.X_WO_goal),
+                "object_pose": write_pose(self.X_WO_goal),
                 "axis_W": None if self.axis_W is None else self.axis_W.tolist(),
                 "turned_angle_deg": None
                 if self.turned_angle is None
@@ -211,8 +212,8 @@ class Plan:
             "limiting_finger": self._name(action.limiting_finger),
             "limit": action.limit,
             "why": action.why,
-            "object_pose_start": _pose(action.X_WO_start),
-            "object_pose_end": _pose(action.X_WO_end),
+            "object_pose_start": write_pose(action.X_WO_start),
+            "object_pose_end": write_pose(action.X_WO_end),
             "rotation": {
                 "axis_W": action.axis_W.tolist(),
                 "angle_deg": round(float(np.degrees(action.angle)), 12),
@@ -221,7 +222,7 @@ class Plan:
             "rolls": [
                 {
                     "finger": self._name(roll.finger),
-                    "X_OF": [_pose(X) for X in roll.X_OF],
+                    "X_OF": [write_pose(X) for X in roll.X_OF],
                     "normal_O": np.round(roll.normal_O, 12).tolist(),
                 }
                 for roll in action.rolls
@@ -281,8 +282,8 @@ class Plan:
                 kind=a["kind"],
                 finger=None if a["finger"] is None else index[a["finger"]],
                 grasping=tuple(index[n] for n in a["grasping"]),
-                X_WO_start=_matrix(a["object_pose_start"]),
-                X_WO_end=_matrix(a["object_pose_end"]),
+                X_WO_start=read_pose(a["object_pose_start"]),
+                X_WO_end=read_pose(a["object_pose_end"]),
                 axis_W=np.array(a["rotation"]["axis_W"]),
                 angle=float(np.radians(a["rotation"]["angle_deg"])),
                 contacts_end=contacts(a["contacts_end"]),
@@ -294,7 +295,7 @@ class Plan:
                 limit=a["limit"],
                 margins=a["margins"],
                 rolls=tuple(
-                    Roll(index[r["finger"]], np.stack([_matrix(X) for X in r["X_OF"]]), r["normal_O"])
+                    Roll(index[r["finger"]], np.stack([read_pose(X) for X in r["X_OF"]]), r["normal_O"])
                     for r in a.get("rolls", ())
                 ),
                 way=None if a.get("way") is None else np.array(a["way"], dtype=np.float64),
@@ -310,8 +311,8 @@ class Plan:
             reason=data["reason"],
             fingers=tuple(names),
             goal_kind=goal["kind"],
-            X_WO_start=_matrix(data["start"]["object_pose"]),
-            X_WO_goal=_matrix(goal["object_pose"]),
+            X_WO_start=read_pose(data["start"]["object_pose"]),
+            X_WO_goal=read_pose(goal["object_pose"]),
             axis_W=None if goal["axis_W"] is None else np.array(goal["axis_W"]),
             turned_angle=None if turned is None else float(np.radians(turned)),
             start_contacts=contacts(data["start"]["contacts"]),
@@ -335,20 +336,3 @@ class Plan:
         from dexplan.planning.plan_words import explain_plan
 
         return explain_plan(self)
-
-
-def _pose(X: Array) -> list[float]:
-    """Return a pose as (x, y, z, qw, qx, qy, qz), rounded so that reading and writing it again changes nothing.
-
-    The largest component of the quaternion follows from the others; rounding all four would leave it off unit length.
-    """
-    pose = np.round(as_pose7(X), 12)
-    quat = pose[3:]
-    quat *= np.sign(quat[np.flatnonzero(quat)[0]])
-    k = int(np.argmax(np.round(np.abs(quat), 6)))
-    quat[k] = np.sign(quat[k]) * np.sqrt(1.0 - (np.delete(quat, k) ** 2).sum())
-    return [float(x) for x in pose + 0.0]
-
-
-def _matrix(pose7: list[float]) -> Array:
-    return as_pose(pose7)

