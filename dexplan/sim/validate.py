@@ -282,7 +282,7 @@ def validate_run(
         timing=timing,
         versions={
             "python": platform.python_version(),
-            **{name: _version(name) for name in ("dexplan", "mujoco", "numpy", "scipy")},
+            **{name: _version(name) for name in ("dexplan", "mujoco", "numpy", "osqp", "scipy")},
         },
         seed=int(problem.get("seed", 0)),
     )
