@@ -55,6 +55,8 @@ def __getattr__(name: str) -> Any:
         except PackageNotFoundError:
             value = "0+unknown"
     elif name in _HOMES:
+        # MuJoCo refuses to load where this names no platform, and says less about it.
+        import_module("dexplan.terminal").check_gl_platform()
         value = getattr(import_module(_HOMES[name]), name)
     else:
         raise AttributeError(f"module 'dexplan' has no attribute {name!r}")

@@ -1,7 +1,7 @@
 """The command line: from arguments to a command, from what it raises to an exit code.
 
-0 the physics confirms the plan; 1 an honest no; 2 the input cannot be read (one line on stderr); 70 a
-defect of ours (traceback); 130 interrupted; 141 the reader of stdout went away.
+0 the physics confirms the plan; 1 an honest no; 2 the input cannot be read, or the output not be written (one line on stderr); 70
+a defect of ours (traceback); 130 interrupted, 143 terminated (128 and the signal's number); 141 the reader of stdout went away.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -21,12 +20,18 @@ import tyro
 
 from dexplan import commands
 from dexplan.errors import DexplanError
+from dexplan.terminal import (
+    Terminated,
+    describe_refusal,
+    ending_on_signals,
+    make_printable,
+    prepare_environment,
+)
+from dexplan.usage import UsageError, check_usage
 
 BAD_INPUT, DEFECT, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
-
-
-class UsageError(DexplanError):
-    """The arguments are no command."""
+SIGNALLED = 128
+"""Added to the number of the signal that ended the process."""
 
 
 _Problem = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PROBLEM")]
@@ -118,6 +123,15 @@ class Render:
         return commands.render(self.folder)
 
 
+COMMANDS = {
+    "list": List,
+    "inspect": Inspect,
+    "plan": Plan,
+    "run": Run,
+    "validate": Validate,
+    "render": Render,
+}
+
 Command = (
     Annotated[List, tyro.conf.subcommand(name="list")]
     | Annotated[Inspect, tyro.conf.subcommand(name="inspect")]
@@ -130,26 +144,50 @@ Command = (
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line (``sys.argv`` by default) and return its exit code."""
-    # The matrices here are small: threads of the linear-algebra library only get in each other's way.  Set before numpy loads.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    make_printable()
     try:
-        code = _run(sys.argv[1:] if argv is None else list(argv))
-        sys.stdout.flush()
+        with ending_on_signals():
+            prepare_environment()
+            code = _run(sys.argv[1:] if argv is None else list(argv))
+            sys.stdout.flush()
         return code
     except DexplanError as error:
-        print(f"dexplan: {' '.join(str(error).split())}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("dexplan: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return _complain(str(error), BAD_INPUT)
+    except KeyboardInterrupt as error:
+        told = [
+            "terminated" if isinstance(error, Terminated) else "interrupted",
+            *getattr(error, "__notes__", []),
+        ]
+        code = SIGNALLED + error.signum if isinstance(error, Terminated) else INTERRUPTED
+        return _complain("; ".join(told), code)
     except BrokenPipeError:
-        # Python flushes stdout once more at exit; let that go nowhere.
-        with contextlib.suppress(OSError, ValueError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return BROKEN_PIPE
+    except OSError as error:
+        sentence = describe_refusal(error)
+        if sentence is None:
+            traceback.print_exc()
+            return DEFECT
+        if error.filename is None:
+            # It may have been stdout itself, which Python would flush once more.
+            _drop_output()
+        return _complain(sentence, BAD_INPUT)
     except Exception:
         traceback.print_exc()
         return DEFECT
+
+
+def _complain(text: str, code: int) -> int:
+    """Say in one line on stderr what was wrong, and return the exit code."""
+    with contextlib.suppress(OSError):
+        print(f"dexplan: {' '.join(text.split())}", file=sys.stderr)
+    return code
+
+
+def _drop_output() -> None:
+    """Let what Python flushes at its exit go nowhere: there is nobody to read it."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _run(argv: list[str]) -> int:
@@ -158,15 +196,17 @@ def _run(argv: list[str]) -> int:
 
         print(f"dexplan {__version__}")
         return 0
-    command = _parse(argv)
+    command = _parse([*argv[1:], "--help"] if argv[:1] == ["help"] else argv)
     return 0 if command is None else int(command.run())
 
 
 def _parse(argv: list[str]) -> List | Inspect | Plan | Run | Validate | Render | None:
     """Return the command in ``argv``, None when help was asked for and given.
 
-    tyro draws its complaints in a box; here each becomes one sentence.
+    What can be wrong is looked for first, for tyro draws its complaints in a box that suggests other commands' options.
     """
+    if not {"-h", "--help"} & set(argv):
+        check_usage(argv, COMMANDS)
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
@@ -179,36 +219,7 @@ def _parse(argv: list[str]) -> List | Inspect | Plan | Run | Validate | Render |
     except SystemExit as exit_:
         if not exit_.code:
             return None
-    raise UsageError(_as_sentence(complaint.getvalue(), argv))
-
-
-def _as_sentence(box: str, argv: list[str]) -> str:
-    """Return what tyro's box says, up to its first blank line or rule, and where to read on."""
-    names = [kind.__name__.lower() for kind in (List, Inspect, Plan, Run, Validate, Render)]
-    command = next((word for word in argv[:1] if word in names), None)
-    if command is None:
-        first = next((word for word in argv if not word.startswith("-")), None)
-        fact = (
-            f"unknown command {first!r}"
-            if first
-            else f"no command in {' '.join(argv)!r}"
-            if argv
-            else "no command"
-        )
-        return f"{fact}; accepted: {', '.join(names)} (see dexplan --help)"
-    missing = re.search(r"Missing from dexplan \w+:\s*│\s*│\s*(\w+)", box)
-    if missing:
-        return f"{missing[1]} is missing (see dexplan {command} --help)"
-    lines = [re.sub(r"^[│|]\s?|\s*[│|]$", "", line) for line in box.splitlines()]
-    body: list[str] = []
-    for line in lines[1:]:
-        if not line.strip(" ─"):
-            break
-        body.append(line.strip())
-    suggestion = re.search(r"Perhaps you meant:\s*│?\s*│?\s*(--\S+)", box)
-    fact = " ".join(body) or "the arguments cannot be read"
-    fact = fact.rstrip(".") + (f"; did you mean {suggestion[1]}?" if suggestion else "")
-    return f"{fact} (see dexplan {command} --help)"
+    raise UsageError(f"the arguments {' '.join(argv)!r} cannot be read (see dexplan --help)")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """What each command does: reads, calls the pipeline, saves, prints, and returns the exit code.
 
-Nothing is written before the problem has been read. A run folder is emptied of an older run's files before
-the first new one is written, so what stands there belongs together.
+Nothing is written before the problem has been read, and nothing but files that a run of ours made is replaced
+(``dexplan.run_folder``).  A run folder is emptied of an older run's files before the first new one is written, so what stands
+there belongs together.
 """
 
 from __future__ import annotations
@@ -14,27 +15,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dexplan.errors import DexplanError, ProblemError, RenderError, RunFolderError
+from dexplan import run_folder
+from dexplan.errors import DexplanError, OutputError, ProblemError, RenderError, RunFolderError
+from dexplan.terminal import describe_refusal
 
 if TYPE_CHECKING:
     from dexplan.problems.problem import Problem
+    from dexplan.sim.trace import Trace
     from dexplan.sim.validate import ValidationReport
 
 CONFIRMED, HONEST_NO = 0, 1
 """Exit codes of a command that did its work: the physics confirms the plan, or there is a reason why not."""
-
-RUN_FILES = (
-    "problem.toml",
-    "plan.json",
-    "model.xml",
-    "trace.npz",
-    "report.json",
-    "summary.png",
-    "frames.png",
-    "video.mp4",
-    "crash.txt",
-)
-"""Every file that is made of a run in its folder; ``inspect`` has its own."""
 
 Progress = Callable[[float], None]
 """``progress(share)``: how much of the work is done, 0 to 1."""
@@ -56,52 +47,66 @@ def list_everything() -> int:
 
 def inspect(name: str, assignments: Sequence[str], out: Path | None) -> int:
     """Show what the hand can do in a problem: numbers on stdout, a picture in the folder."""
-    problem, folder = _read(name, assignments, out)
+    problem, source = _read(name, assignments)
+    folder = _choose_folder(problem, out)
+    output = _Output(run_folder.choose_inspect_folder(folder, source, out is not None), problem)
     from dexplan import pipeline
 
-    with _keeping_evidence(folder, problem), _refusing_unwritable(folder):
-        findings = pipeline.inspect(problem, folder)
+    with output.keeping_evidence(), _refusing_unwritable(output.folder):
+        findings = pipeline.inspect(problem, output.folder)
     if findings is not None:
         print(findings)
     return CONFIRMED
 
 
 def plan(name: str, assignments: Sequence[str], out: Path | None) -> int:
-    """Plan, save problem and plan, print the plan in words."""
-    problem, folder = _read(name, assignments, out)
+    """Plan, save problem and plan, print the plan in words.  A folder that holds a run is not touched."""
+    problem, source = _read(name, assignments)
+    folder = _choose_folder(problem, out)
+    output = _Output(run_folder.choose_plan_folder(folder, source, out is not None), problem)
     from dexplan import pipeline
     from dexplan.viz.timeline import gait_text
 
-    with _keeping_evidence(folder, problem):
+    with output.keeping_evidence():
         planned = pipeline.plan(problem)
-        _open_folder(folder)
-        problem.save(folder / "problem.toml")
-        planned.save(folder / "plan.json")
+        output.open()
+        planned.save(output.folder / "plan.json")
     print(planned.explain())
     if planned.actions:
         print(gait_text(planned))
-    print(f"{planned.status}: {folder / 'plan.json'}")
+    print(f"{planned.status}: {output.folder / 'plan.json'}")
     return CONFIRMED if planned.is_solved else HONEST_NO
 
 
 def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, seed: int | None) -> int:
     """Plan, simulate, judge and save; the last line on stdout is the verdict."""
-    problem, folder = _read(name, assignments, out, seed)
+    problem, source = _read(name, assignments, seed)
+    folder = _choose_folder(problem, out)
+    output = _Output(run_folder.choose_run_folder(folder, source, problem, video, out is not None), problem)
     from dexplan import pipeline
 
-    with _keeping_evidence(folder, problem):
+    with output.keeping_evidence():
         planned = pipeline.plan(problem)
-        _open_folder(folder)
-        problem.save(folder / "problem.toml")
+        output.open()
         planned.save(folder / "plan.json")
         print(planned.explain(), flush=True)
         if not planned.is_solved:
             print(f"FAIL plan {planned.status}")
             return HONEST_NO
-        with _progress_bar("simulating") as progress:
-            trace = pipeline.rollout(problem, planned, seed=problem.seed, progress=progress)
-        report = pipeline.validate(problem, planned, trace)
-        pipeline.save_run(folder, problem, planned, trace, report)
+        trace = None
+        try:
+            with _progress_bar("simulating") as progress:
+                trace = pipeline.rollout(problem, planned, seed=problem.seed, progress=progress)
+            report = pipeline.validate(problem, planned, trace)
+        except BaseException as error:
+            _keep_trace(trace or getattr(error, "trace", None), folder, error)
+            raise
+        try:
+            pipeline.save_run(folder, problem, planned, trace, report)
+        except OSError:
+            # Whatever the disk says, the work is done; its answer is not kept back.
+            _judge(report)
+            raise
         code = _judge(report)
         return max(code, _make_video(folder)) if video else code
 
@@ -111,63 +116,136 @@ def validate(folder: Path) -> int:
     _check_run_folder(folder)
     from dexplan import pipeline
 
-    report = pipeline.validate(*pipeline.load_run(folder))
+    problem, plan, trace = pipeline.load_run(folder)
+    report = pipeline.validate(problem, plan, trace)
+    path = folder / "report.json"
     try:
-        report.save(folder / "report.json")
+        if path.exists() and not run_folder.is_ours(path):
+            print("dexplan: report.json is left as it was (it is there and no run made it)", file=sys.stderr)
+        else:
+            is_news = _read_verdict(folder) != report.summary_line()
+            report.save(path)
+            if is_news and (folder / "summary.png").exists():
+                pipeline.draw_run(folder, problem, plan, trace, report)
     except OSError as error:
-        print(f"dexplan: report.json is left as it was ({error.strerror})", file=sys.stderr)
+        print(f"dexplan: report or figure are left as they were ({error.strerror})", file=sys.stderr)
     return _judge(report)
+
+
+def _read_verdict(folder: Path) -> str:
+    """Return the verdict line of the report in ``folder``, which the figure shows; nothing where there is no report."""
+    from dexplan.sim.validate import ValidationReport
+
+    try:
+        return ValidationReport.load(folder / "report.json").summary_line()
+    except RunFolderError:
+        return ""
 
 
 def render(folder: Path) -> int:
     """Make the video of a saved run."""
     _check_run_folder(folder)
+    run_folder.check_replaceable(folder / "video.mp4")
     code = _make_video(folder)
     if code == CONFIRMED:
         print(folder / "video.mp4")
     return code
 
 
-def _read(
-    name: str, assignments: Sequence[str], out: Path | None, seed: int | None = None
-) -> tuple[Problem, Path]:
-    """Return the problem, its ``--set`` and ``--seed`` applied, and the folder for what comes of it (not
-    yet made).
-    """
+def _read(name: str, assignments: Sequence[str], seed: int | None = None) -> tuple[Problem, Path | None]:
+    """Return the problem, its ``--set`` and ``--seed`` applied, and the file it was read from (None: a built-in one)."""
     from dexplan.problems.override import parse_assignment
-    from dexplan.problems.read import load_problem
+    from dexplan.problems.read import find_source, load_problem
 
     overrides: Mapping[str, object] = dict(map(parse_assignment, assignments))
     if seed is not None:
         overrides = {**overrides, "seed": seed}
-    problem = load_problem(name, overrides)
+    return load_problem(name, overrides), find_source(name)
+
+
+def _choose_folder(problem: Problem, out: Path | None) -> Path:
+    """Return the folder asked for, or the one of the problem's name (not yet made)."""
     folder = Path("runs") / problem.name if out is None else out
     _check_writable(folder)
-    return problem, folder
+    return folder
 
 
 def _check_writable(folder: Path) -> None:
     """Refuse a folder that could not be made or written, before any work is done for it."""
     accepted = "accepted: a folder that can be written"
-    if folder.exists() and not folder.is_dir():
-        raise ProblemError("--out", "", f"{str(folder)!r} is not a folder", accepted)
-    nearest = next(place for place in [folder, *folder.absolute().parents] if place.exists())
-    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise ProblemError("--out", "", f"{str(folder)!r} is not a folder", accepted)
+        nearest = next(place for place in [folder, *folder.absolute().parents] if place.exists())
+        is_writable = nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ProblemError("--out", "", f"{str(folder)!r} cannot be written ({reason})", accepted) from error
+    if not is_writable:
         raise ProblemError("--out", "", f"{str(folder)!r} cannot be written", accepted)
 
 
 def _check_run_folder(folder: Path) -> None:
+    accepted = "accepted: a folder written by 'dexplan run'"
+    if folder.is_file():
+        near = folder.parent
+        hint = f", such as {str(near)!r}" if (near / "trace.npz").is_file() else ""
+        raise RunFolderError(str(folder), "is not a folder", accepted + hint)
     if not folder.is_dir():
-        fact = "is not a folder" if folder.exists() else "no such folder"
-        raise RunFolderError(str(folder), fact, "accepted: a folder written by 'dexplan run'")
+        near = Path("runs") / folder
+        hint = f", such as {str(near)!r}" if (near / "trace.npz").is_file() else ""
+        fact = "is not a folder" if os.path.lexists(folder) else "no such folder"
+        raise RunFolderError(str(folder), fact, accepted + hint)
 
 
-def _open_folder(folder: Path) -> None:
-    """Make the folder, and take an older run's files out of it."""
-    with _refusing_unwritable(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in RUN_FILES:
-            (folder / name).unlink(missing_ok=True)
+class _Output:
+    """The folder that one command writes, and whether it has begun to."""
+
+    def __init__(self, target: run_folder.Target, problem: Problem) -> None:
+        self.target, self.folder, self.problem = target, target.folder, problem
+        self.is_open = False
+
+    def open(self) -> None:
+        """Make the folder, take an older run's files out of it and say so, and save the problem."""
+        with _refusing_unwritable(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self.is_open = True
+            if self.target.replaced:
+                what = ", ".join(self.target.replaced)
+                print(f"dexplan: replaces what is in {self.folder} of an older run: {what}", file=sys.stderr)
+            for name in self.target.replaced:
+                (self.folder / name).unlink(missing_ok=True)
+            run_folder.save_problem(self.problem, self.folder / "problem.toml")
+
+    @contextmanager
+    def keeping_evidence(self) -> Iterator[None]:
+        """On a defect of ours leave problem.toml and crash.txt, and say where below the traceback; never in the folder of an
+        older run.  What the operating system refuses is no defect: one sentence, and where to find what was made so far.
+        """
+        try:
+            yield
+        except (DexplanError, BrokenPipeError):
+            raise
+        except OSError as error:
+            sentence = describe_refusal(error)
+            if sentence is None:
+                self._leave_evidence(error)
+                raise
+            is_left = self.is_open and any(self.folder.iterdir())
+            kept = f"; what was made so far is in {self.folder}" if is_left else ""
+            raise OutputError(sentence + kept) from error
+        except Exception as error:
+            self._leave_evidence(error)
+            raise
+
+    def _leave_evidence(self, error: Exception) -> None:
+        with suppress(OSError):
+            folder = self.folder if self.is_open else run_folder.choose_crash_folder(self.folder)
+            folder.mkdir(parents=True, exist_ok=True)
+            run_folder.save_problem(self.problem, folder / "problem.toml")
+            text = f"{run_folder.CRASH}in this run.\n\n{traceback.format_exc()}"
+            run_folder.write_whole(folder / "crash.txt", text)
+            error.add_note(f"dexplan: a defect of ours; what was made so far is in {folder}")
 
 
 @contextmanager
@@ -187,6 +265,21 @@ def _refusing_unwritable(folder: Path) -> Iterator[None]:
         raise ProblemError("--out", "", fact, "accepted: a folder that can be written") from error
 
 
+def _keep_trace(trace: Trace | None, folder: Path, error: BaseException) -> None:
+    """Save the run so far after ``error`` cut it short, and add to the error where it is."""
+    if trace is None:
+        return
+    try:
+        run_folder.write_whole(folder / "model.xml", trace.model_xml)
+        trace.save(folder / "trace.npz")
+    except Exception as refused:
+        # The first error is the one to tell; this one only explains what is missing.
+        error.add_note(f"the run so far could not be saved ({refused})")
+        return
+    seconds = float(trace["time"][-1]) if trace.sample_count else 0.0
+    error.add_note(f"the run so far ({seconds:.2f} s) is in {folder / 'trace.npz'}")
+
+
 def _judge(report: ValidationReport) -> int:
     """Print the checks and, last, the verdict."""
     print(report.table())
@@ -204,21 +297,6 @@ def _make_video(folder: Path) -> int:
         print(f"dexplan: no video: {' '.join(str(error).split())}", file=sys.stderr)
         return HONEST_NO
     return CONFIRMED
-
-
-@contextmanager
-def _keeping_evidence(folder: Path, problem: Problem) -> Iterator[None]:
-    """On a defect of ours leave problem.toml and crash.txt in the folder, and say so below the traceback."""
-    try:
-        yield
-    except (DexplanError, BrokenPipeError):
-        raise
-    except Exception as error:
-        with suppress(OSError):
-            problem.save(folder / "problem.toml")
-            (folder / "crash.txt").write_text(traceback.format_exc(), encoding="utf-8")
-            error.add_note(f"dexplan: a defect of ours; what was made so far is in {folder}")
-        raise
 
 
 @contextmanager

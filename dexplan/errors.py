@@ -5,6 +5,7 @@ A caller's mistake raises one of these; physics' answer (no plan, a failed check
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable
 
 
@@ -22,10 +23,14 @@ class ProblemError(DexplanError):
 
 
 class UnknownNameError(DexplanError):
-    """A name that nothing answers to; lists the names that do."""
+    """A name that nothing answers to; lists the names that do, and which of them is near."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(sorted(known))}")
+        known = sorted(known)
+        near = [k for k in known if k.lower() == name.lower()] or difflib.get_close_matches(name, known, n=1)
+        guess = f"; did you mean {near[0]!r}?" if near else ""
+        shown = name if len(name) <= 100 else f"{name[:97]}..."
+        super().__init__(f"unknown {kind} {shown!r}; known: {', '.join(known)}{guess}")
 
 
 class RunFolderError(DexplanError):
@@ -33,6 +38,10 @@ class RunFolderError(DexplanError):
 
     def __init__(self, path: str, fact: str, accepted: str) -> None:
         super().__init__(f"{path}: {fact}; {accepted}")
+
+
+class OutputError(DexplanError):
+    """The operating system does not let the output be written: a full disk, a missing right."""
 
 
 class RenderError(DexplanError):

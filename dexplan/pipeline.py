@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +13,10 @@ import numpy as np
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Timing, build_reference
-from dexplan.errors import DexplanError
+from dexplan.control.speed import compute_speed
+from dexplan.errors import DexplanError, RunFolderError
 from dexplan.planning.adjustment import plan_grasp_adjustment
-from dexplan.planning.configuration_space import explain_obstruction
+from dexplan.planning.blocked import explain_obstruction
 from dexplan.planning.cost import CostWeights, Improvement
 from dexplan.planning.dextrous import plan_dextrous_manipulation
 from dexplan.planning.fixed_contacts import plan_fixed_contacts
@@ -23,19 +25,22 @@ from dexplan.planning.hand import AdmissibleLimits, HandModel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import refuse
 from dexplan.planning.rolling_start import plan_object_manipulation
+from dexplan.planning.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
+from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
+from dexplan.run_folder import save_problem, write_whole
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
+from dexplan.scene.penetration import compute_force_at
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene
 from dexplan.scene.workspace import load_workspace
 from dexplan.sim import rollout as _rollout
-from dexplan.sim.trace import Trace
+from dexplan.sim.trace import Trace, check_replayable
 from dexplan.sim.validate import ValidationReport, validate_run
+from dexplan.sim.world import read_world
 from dexplan.spatial import Array, as_pose
-
-NORMAL_FORCE = 5.5
-"""Normal force that a loaded contact aims at [N]; the force QP raises it where the load asks for more."""
+from dexplan.viz.timeline import build_captions
 
 
 def build_scene(problem: Problem) -> Scene:
@@ -61,19 +66,27 @@ def build_scene(problem: Problem) -> Scene:
 def build_hand(problem: Problem, scene: Scene) -> HandModel:
     """Return what the planner may know of ``scene``, with the friction that ``problem`` believes in."""
     center = scene.object.X_WO_home[:3, 3]
-    timing = build_timing(problem)
+    timing, squeeze = build_timing(problem), build_squeeze(problem, scene)
     return HandModel(
         fingers=scene.fingers,
         object=replace(scene.object, allowed_regions=build_allowed_regions(problem)),
         workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
         friction=SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m),
         probe=HandProbe(scene),
-        limits=AdmissibleLimits(),
-        normal_force=NORMAL_FORCE,
+        limits=AdmissibleLimits(normal_floor=squeeze.floor, normal_ceiling=squeeze.ceiling),
+        normal_force=squeeze.normal,
         hover=timing.hover,
         acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
         tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
+        tip_rotation_limit=float(np.radians(problem.hand.tip_rotation_limit_deg)),
     )
+
+
+def build_squeeze(problem: Problem, scene: Scene) -> Squeeze:
+    """Return how hard the fingers of ``scene`` squeeze the object of ``problem``."""
+    friction = SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
+    bearable, greatest = (compute_force_at(scene, depth) for depth in (DEPTH, DEPTH_CEILING))
+    return choose_squeeze(scene.object.mass, friction, bearable, greatest)
 
 
 def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
@@ -101,7 +114,14 @@ def build_improvement(problem: Problem) -> Improvement:
 def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
-    hand = build_hand(problem, scene)
+    found = _find_plan(problem, scene, build_hand(problem, scene))
+    if not found.actions:
+        return found
+    return replace(found, speed=compute_speed(build_reference(found, scene.fingers, build_timing(problem))))
+
+
+def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
+    """Return the plan of the room that answers the goal's kind."""
     X_WO, asked = scene.object.X_WO_home, problem.goal
     shift = np.array(asked.translation_m)
     if asked.rotation is not None:
@@ -113,10 +133,13 @@ def plan(problem: Problem) -> Plan:
         )
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
-    if problem.obstacles and (reason := explain_obstruction(hand)):
-        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
+    if reason := build_squeeze(problem, scene).refusal:
+        return replace(refuse(hand, goal, "object_too_light", reason), goal_kind=asked.kind)
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
+    waiting = None if start is None else tuple(f for f, normal in enumerate(start) if normal is None)
+    if reason := explain_obstruction(hand, waiting):
+        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
@@ -152,6 +175,8 @@ def rollout(
 ) -> Trace:
     """Run ``plan`` in MuJoCo, closed loop; a failure still returns the trace so far.
 
+    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
+
     ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
     and controller believe (uncertainty).  Raises DexplanError for a plan without actions.
     """
@@ -167,31 +192,38 @@ def rollout(
         options or build_options(problem),
         world=true_scene or scene,
         X_WO_start=X_WO_start,
-        meta={"problem": problem.name, "seed": problem.seed if seed is None else seed},
+        meta={
+            "problem": problem.name,
+            "seed": problem.seed if seed is None else seed,
+            "captions": build_captions(plan),
+            **as_run.describe_run(problem, plan.as_dict()),
+        },
         progress=progress,
     )
 
 
 def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
-    limits = AdmissibleLimits()
     options = ControlOptions(
         problem.friction.believed_sliding,
         problem.friction.believed_torsional_m,
-        normal_floor=limits.normal_floor,
-        normal_ceiling=limits.normal_ceiling,
         force_solver=problem.control.force_solver,
     )
     return replace(options, **changes)
 
 
 def validate(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
-    """Judge a run by replaying it; uses problem and plan as data only."""
+    """Judge a run by replaying it; uses problem and plan as data only.  Raises RunFolderError for a trace that is none."""
+    check_replayable(trace, "the trace")
     return validate_run(problem.as_dict(), plan.as_dict(), trace)
 
 
 def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
-    """Film a trace offscreen, in a process of its own.  Raises RenderError where no renderer can be started."""
+    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``.
+
+    The trace carries its captions; ``plan`` adds marks where the goal's contacts are.  Raises RenderError where no renderer can
+    be started, and for any other suffix.
+    """
     from dexplan.viz.video import render_video
 
     render_video(trace, plan, Path(path))
@@ -208,28 +240,57 @@ def save_run(
     folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
 ) -> None:
     """Write the run folder: problem, plan, model, trace, report and the summary figure."""
-    from dexplan.viz.figure import draw_summary
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    problem.save(folder / "problem.toml")
+    save_problem(problem, folder / "problem.toml")
     plan.save(folder / "plan.json")
-    partial = folder / ".model.xml.partial"
-    partial.write_text(trace.model_xml, encoding="utf-8")
-    partial.replace(folder / "model.xml")
+    write_whole(folder / "model.xml", trace.model_xml)
     trace.save(folder / "trace.npz")
     report.save(folder / "report.json")
-    draw_summary(problem.as_dict(), plan, trace, report, folder / "summary.png")
+    draw_run(folder, problem, plan, trace, report)
+
+
+def draw_run(
+    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
+) -> None:
+    """Draw the summary figure of a run into its folder."""
+    from dexplan.viz.figure import draw_summary
+
+    draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
 
 
 def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
-    """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else."""
+    """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else.
+
+    What the files say against each other goes with the trace, for the judge: a folder that cannot be read is refused, a
+    folder that contradicts itself is judged, and fails.
+    """
     folder = Path(folder)
-    return (
-        Problem.load(folder / "problem.toml"),
-        Plan.load(folder / "plan.json"),
-        Trace.load(folder / "trace.npz"),
-    )
+    problem = Problem.load(folder / "problem.toml")
+    plan = Plan.load(folder / "plan.json")
+    model_xml = _read_model(folder / "model.xml")
+    trace = Trace.load(folder / "trace.npz")
+    check_replayable(trace, str(folder / "trace.npz"))
+    as_run.check_whole(folder / "problem.toml", trace.meta)
+    written = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    found = list(as_run.find_differences(folder / "problem.toml", written, trace.meta))
+    if model_xml != trace.model_xml:
+        read_world(model_xml)
+        found.append("model.xml and the model in trace.npz are not the same text")
+    return problem, plan, replace(trace, contradictions=tuple(found))
+
+
+def _read_model(path: Path) -> str:
+    """Return the text of model.xml; RunFolderError where there is none."""
+    accepted = "the model.xml that `dexplan run` wrote beside trace.npz is needed"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text"
+        raise RunFolderError(str(path), f"it cannot be read ({reason})", accepted) from error
+    if not text.strip():
+        raise RunFolderError(str(path), "it is empty", accepted)
+    return text
 
 
 def inspect(problem: Problem, folder: str | Path) -> str:

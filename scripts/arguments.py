@@ -10,8 +10,9 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from dexplan.errors import DexplanError
+from dexplan.terminal import describe_refusal
 
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 
 class Arguments(argparse.ArgumentParser):
@@ -60,6 +61,16 @@ def run_script(main: Callable[[], int | None]) -> NoReturn:
         sys.exit(main())
     except DexplanError as error:
         print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.exit(BAD_INPUT)
+    except BrokenPipeError:
+        # Whoever read the output went away; what Python flushes at its exit goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(BROKEN_PIPE)
+    except OSError as error:
+        sentence = describe_refusal(error)
+        if sentence is None:
+            raise
+        print(f"{name}: {sentence}", file=sys.stderr)
         sys.exit(BAD_INPUT)
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)

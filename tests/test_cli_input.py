@@ -10,8 +10,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from fake_run import FakePlan, FakeReport, make_older_run
 
-import dexplan
 from dexplan.cli import main
 from dexplan.errors import ProblemError, RenderError
 from dexplan.problems.problem import Problem
@@ -22,54 +22,6 @@ def cwd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Run every test in an empty folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-class _Plan:
-    def __init__(self, status: str) -> None:
-        self.status, self.is_solved = status, status == "solved"
-        self.actions: tuple[object, ...] = ()
-
-    def explain(self) -> str:
-        return "the plan in words"
-
-    def save(self, path: Path) -> None:
-        path.write_text("{}")
-
-
-class _Report:
-    def __init__(self, verdict: str) -> None:
-        self.verdict = verdict
-
-    def table(self) -> str:
-        return "the table"
-
-    def summary_line(self) -> str:
-        return "PASS all" if self.verdict == "pass" else "FAIL not_dropped 12 mm"
-
-    def save(self, path: Path) -> None:
-        path.write_text("{}")
-
-
-@pytest.fixture
-def pipeline(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A pipeline that does nothing, in place of the real one; tests replace its parts."""
-
-    def save_run(folder: Path, problem: Problem, plan: Any, trace: Any, report: Any) -> None:
-        for name in ("problem.toml", "plan.json", "model.xml", "trace.npz", "report.json"):
-            (folder / name).write_text("x")
-
-    fake = SimpleNamespace(
-        plan=lambda problem: _Plan("solved"),
-        rollout=lambda problem, plan, *, seed=None, progress=None: "trace",
-        validate=lambda problem, plan, trace: _Report("pass"),
-        inspect=lambda problem, folder: "the numbers",
-        save_run=save_run,
-        load_run=lambda folder: ("problem", "plan", "trace"),
-        render_run=lambda folder: (folder / "video.mp4").write_text("x"),
-    )
-    monkeypatch.setitem(sys.modules, "dexplan.pipeline", fake)  # type: ignore[arg-type]
-    monkeypatch.setattr(dexplan, "pipeline", fake, raising=False)
-    return fake
 
 
 BAD_COMMAND_LINES = [
@@ -182,13 +134,14 @@ def test_plan_saves_problem_and_plan(pipeline: SimpleNamespace, cwd: Path) -> No
 def test_no_plan_is_an_honest_no(
     pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    pipeline.plan = lambda problem: _Plan("start_out_of_reach")
+    pipeline.plan = lambda problem: FakePlan("start_out_of_reach")
     old = cwd / "there"
-    old.mkdir()
-    for name in ("trace.npz", "report.json", "summary.png", "frames.png", "notes.txt"):
-        (old / name).write_text("old")
+    make_older_run(old)
+    (old / "notes.txt").write_text("old")
     assert main(["run", "hold_two", "--out", "there"]) == 1
-    assert capsys.readouterr().out.splitlines()[-1] == "FAIL plan start_out_of_reach"
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1] == "FAIL plan start_out_of_reach"
+    assert err.startswith("dexplan: replaces what is in there of an older run: problem.toml, plan.json, ")
     assert sorted(f.name for f in old.iterdir()) == ["notes.txt", "plan.json", "problem.toml"]
     assert main(["plan", "hold_two", "--out", "there"]) == 1
     assert "start_out_of_reach" in capsys.readouterr().out
@@ -198,7 +151,7 @@ def test_no_plan_is_an_honest_no(
 def test_run_saves_everything_and_ends_with_the_verdict(
     verdict: str, code: int, pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    pipeline.validate = lambda problem, plan, trace: _Report(verdict)
+    pipeline.validate = lambda problem, plan, trace: FakeReport(verdict)
     seeds = []
     pipeline.rollout = lambda problem, plan, *, seed, progress: seeds.append((seed, problem.seed, progress))
     assert main(["run", "hold_two", "--seed", "7", "--video"]) == code

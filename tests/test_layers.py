@@ -16,9 +16,21 @@ LINE_LIMIT = 400
 BANNED_NAMES = {"utils", "util", "common", "helpers", "helper", "manager", "managers", "misc"}
 STEPPING_FILES = {"sim/rollout.py", "sim/replay.py"}
 
-GROUND = {"errors", "spatial"}
+GROUND = {"errors", "spatial", "brief"}
 MATH = {"numpy", "scipy"}
-OUTSIDE = {"viz", "witness", "problems", "cli", "commands", "pipeline", "__init__", "__main__"}
+OUTSIDE = {
+    "viz",
+    "witness",
+    "problems",
+    "cli",
+    "commands",
+    "pipeline",
+    "run_folder",
+    "terminal",
+    "usage",
+    "__init__",
+    "__main__",
+}
 INNER = {"contact", "grasp", "scene", "planning", "control", "sim", "models"}
 
 
@@ -33,6 +45,7 @@ class Storey:
 STOREYS = {
     "errors": Storey(set(), set()),
     "spatial": Storey({"errors"}, MATH),
+    "brief": Storey(set(), MATH),
     "contact": Storey(GROUND, MATH),
     "grasp": Storey(GROUND | {"contact"}, MATH | {"osqp", "daqp"}),
     "models": Storey(set(), set()),
@@ -46,6 +59,9 @@ STOREYS = {
     ),
     "witness": Storey(GROUND | INNER | OUTSIDE, MATH | {"mujoco", "matplotlib", "tqdm", "clarabel"}),
     "problems": Storey(GROUND | INNER | OUTSIDE, MATH | {"msgspec", "tomli_w"}),
+    "run_folder": Storey(GROUND | {"problems"}, {"tomli_w"}),
+    "terminal": Storey(GROUND, set()),
+    "usage": Storey(GROUND, {"tyro"}),
     "cli": Storey(GROUND | INNER | OUTSIDE, {"tyro"}),
     "commands": Storey(GROUND | INNER | OUTSIDE, {"tqdm"}),
     "pipeline": Storey(GROUND | INNER | OUTSIDE, MATH | {"mujoco", "tqdm", "platformdirs"}),

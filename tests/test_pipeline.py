@@ -51,8 +51,8 @@ def saved(verbs: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(saved: Path, tmp_path: Path) -> Path:
-    """A copy of the run folder to change."""
-    return Path(shutil.copytree(saved, tmp_path / "run"))
+    """A copy of the run folder to change; without its figure, which would be drawn anew with every new verdict."""
+    return Path(shutil.copytree(saved, tmp_path / "run", ignore=shutil.ignore_patterns("summary.png")))
 
 
 def last_line(capsys: pytest.CaptureFixture[str]) -> str:

@@ -118,3 +118,45 @@ def test_an_unknown_option_is_refused(
     err = capsys.readouterr().err
     assert "--no-such-option" in err.splitlines()[-1]
     assert "Traceback" not in err
+
+
+def start(path: Path, python: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Start a script as a shell would, with a Python that has nothing installed."""
+    names = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "MUJOCO_GL", "DEXPLAN_RESTARTED")}
+    # -S hides what is installed, as on a machine where only the environment has it.
+    command = [python, "-S", str(path), "--help"]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=cwd, env={**names, **environment}
+    )
+
+
+def test_without_an_environment_a_script_says_how_to_make_one(cwd: Path) -> None:
+    answer = start(FOLDER / "figures", sys.executable, cwd, DEXPLAN_VENV=str(cwd / "none"))
+    assert answer.returncode == 2
+    assert answer.stdout == ""
+    assert answer.stderr.startswith("figures: dexplan is not installed for ")
+    assert "run scripts/setup once" in answer.stderr
+    assert answer.stderr.count("\n") == 1
+
+
+def test_a_script_starts_again_with_the_python_of_the_environment(cwd: Path) -> None:
+    folder = cwd / "venv/bin"
+    folder.mkdir(parents=True)
+    python = folder / "python"
+    python.write_text(f'#!/bin/sh\nPYTHONPATH="{FOLDER.parent}" exec "{sys.executable}" "$@"\n')
+    python.chmod(0o755)
+    answer = start(FOLDER / "figures", sys.executable, cwd, DEXPLAN_VENV=str(cwd / "venv"))
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.startswith("usage: figures")
+    assert answer.stderr == ""
+
+
+@pytest.mark.parametrize("path", PYTHON, ids=lambda path: path.name)
+def test_every_script_looks_for_its_environment_before_it_imports_anything_else(path: Path) -> None:
+    outside = [
+        node.names[0].name if isinstance(node, ast.Import) else str(node.module)
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+    first = next(name for name in outside if name.split(".")[0] not in sys.stdlib_module_names)
+    assert first == "_environment"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.surface import AbstractSurface, Charts
 from dexplan.spatial import Array, read_only
 
@@ -35,6 +36,8 @@ class ContactCoordinates:
     psi: Array
     chart_f: Charts = field(default_factory=_zero)
     chart_o: Charts = field(default_factory=_zero)
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         names = ("u_f", "v_f", "u_o", "v_o", "psi")

@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dexplan.brief import brief_repr
 from dexplan.contact.polar_axes import CHART_COUNT, POLE_AXES, from_chart_axes, to_chart_axes
 from dexplan.contact.surface import AbstractSurface, ChartGeometry, as_chart_points
 from dexplan.spatial import Array
@@ -38,6 +39,8 @@ class Ellipsoid(AbstractSurface):
     """
 
     semi_axes: tuple[float, float, float]
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         axes = np.asarray(self.semi_axes, dtype=np.float64)

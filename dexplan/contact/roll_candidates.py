@@ -8,6 +8,7 @@ from math import ceil, pi
 
 from scipy.optimize import brentq
 
+from dexplan.brief import brief_repr
 from dexplan.contact.manoeuvre import RollingBend, RollingTriangle, chain_triangles, solve_apex
 from dexplan.contact.rolling import RollingPath, join_paths, roll_along
 from dexplan.contact.turning import build_turn
@@ -69,6 +70,8 @@ class Outset:
     leg_max: float
     before: RollingPath | None
 
+    __repr__ = brief_repr
+
     @property
     def length(self) -> float:
         """What was rolled to get here [m]."""
@@ -88,6 +91,8 @@ class Candidate:
     lifts: int = 0
     bend: RollingBend | None = None
     is_straight_at_end: bool = False
+
+    __repr__ = brief_repr
 
     @property
     def kind(self) -> str:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.contact.roll_candidates import (
     SMALL,
     Candidate,
@@ -44,6 +45,8 @@ class RollPlan:
     kind: str = ""
     paths: tuple[RollingPath, ...] = ()
     tried: int = 0
+
+    __repr__ = brief_repr
 
     @property
     def is_found(self) -> bool:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.contact.turning import build_turn, split_turn
 from dexplan.spatial import Array, read_only
 
@@ -34,6 +35,8 @@ class RollingPath:
     p_F: Array
     length: Array
     corners: NDArray[np.intp]
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("n_O", "n_F", "X_OF", "p_O", "p_F", "length"):

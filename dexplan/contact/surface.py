@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.spatial import Array
 
 Charts = NDArray[np.intp]
@@ -30,6 +31,8 @@ class ChartGeometry:
     lengths: Array
     curvature: Array
     torsion: Array
+
+    __repr__ = brief_repr
 
     @property
     def frame(self) -> Array:

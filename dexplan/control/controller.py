@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference, smooth_step
@@ -44,14 +45,15 @@ CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
 class ControlOptions:
     """What the controller believes and how it is tuned.
 
-    ``sliding`` and ``torsional`` [m] are the *believed* friction; ``object_mass`` [kg] and the normal forces [N] belong to the
-    task.  ``feedforward`` and ``object_feedback`` scale the two loops, for ablations.
+    ``sliding`` and ``torsional`` [m] are the *believed* friction.  ``feedforward`` and ``object_feedback`` scale the two loops,
+    for ablations.
     """
 
     sliding: float
     torsional: float
-    normal_floor: float = 4.0
-    normal_ceiling: float = 12.0
+    normal_floor: float | None = None
+    normal_ceiling: float | None = None
+    """Least and greatest normal force of a loaded contact [N]; None: the plan's."""
     torque_fraction: float = 0.77
     """Share of the torque limits that forces may take: plans keep to 0.70, and what the servos add has to stay below 0.8."""
     feedforward: float = 1.0
@@ -90,6 +92,8 @@ class Command:
     is_done: bool
     failure: str | None
 
+    __repr__ = brief_repr
+
 
 class Controller:
     """Follows a reference with a scene's hand.  Call :meth:`step` once per tick, in order."""
@@ -118,6 +122,13 @@ class Controller:
         self._maps: tuple[object, Array, Array, list[tuple[Array, Array]]] | None = None
         self._ticks = 0
         self._force_limits: tuple[object, ForceLimits] | None = None
+        self._floor, self._ceiling = (
+            planned if asked is None else asked
+            for asked, planned in (
+                (options.normal_floor, reference.normal_floor),
+                (options.normal_ceiling, reference.normal_ceiling),
+            )
+        )
         self._measured = mink.Configuration(self._model)
         self._J = np.zeros((self._n, 6, self._model.nv))
         self._bias = np.zeros(self._model.nv)
@@ -376,6 +387,6 @@ class Controller:
         key = (holding, share)
         if self._force_limits is None or self._force_limits[0] != key:
             loads, reach = np.array(share), self._options.torque_fraction * self._torque[list(holding)]
-            floor, ceiling = loads * self._options.normal_floor, loads * self._options.normal_ceiling + 1e-9
+            floor, ceiling = loads * self._floor, loads * self._ceiling + 1e-9
             self._force_limits = (key, ForceLimits(floor, ceiling, -reach, reach))
         return self._force_limits[1]

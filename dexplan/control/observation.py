@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.spatial import Array
 
 
@@ -23,3 +24,5 @@ class Observation:
     qdot: Array
     X_WO: Array
     touching: NDArray[np.bool_]
+
+    __repr__ = brief_repr

@@ -12,12 +12,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.control.carry import follow_contacts
 from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.detour import interpolate
 from dexplan.planning.overlap import TRAVEL, build_journey
 from dexplan.planning.plan import Action, Placement, Plan
 from dexplan.planning.roll import Roll
+from dexplan.planning.speed import PACES
 from dexplan.planning.travel import build_travel, compute_hover
 from dexplan.scene.description import FingerDescription
 from dexplan.spatial import Array, read_only, rotate_about, rotation_matrix
@@ -83,6 +85,8 @@ class ObjectPath:
     duration: float
     ramp: float
 
+    __repr__ = brief_repr
+
     def progress(self, t: float) -> tuple[float, float, float]:
         """Return how much of the motion is done ``t`` [s] after its start (0..1), and two derivatives in time."""
         return _cruise(t, self.duration, self.ramp)
@@ -128,6 +132,7 @@ class Phase:
     full load (0..1); ``rolls`` how some of them roll meanwhile, at the progress of ``object_path``, which such a phase outlasts.
     ``finger`` moves freely: from where it is along the ``postures`` (K, J), or along its contact normal over the gap
     ``gap_start`` to ``gap_end`` [m] off ``X_OF`` (its landing pose in the object frame; None: wherever it is carried).
+    ``pace`` says in words what keeps a motion of the object from being faster, one of :data:`PACES`' values.
     """
 
     action_index: int
@@ -145,7 +150,10 @@ class Phase:
     gap_start: float = 0.0
     gap_end: float = 0.0
     ends_on_touch: bool = False
+    pace: str = ""
     rolls: Mapping[int, Roll] = field(default_factory=dict)
+
+    __repr__ = brief_repr
 
     def travelled(self, t: float) -> float:
         """Return how much of its ``postures`` a free finger has passed at ``t`` (0..1).
@@ -174,7 +182,7 @@ def smooth_step(s: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The phases of a whole plan, where the fingers start, and the normal force [N] of a fully loaded contact.
+    """The phases of a whole plan, where the fingers start, and the normal forces [N] of a fully loaded contact.
 
     ``start`` holds per finger the tip in the object frame (4, 4) and its posture (J,), None for a finger that starts at home.
     """
@@ -183,6 +191,10 @@ class Reference:
     start: tuple[tuple[Array, Array] | None, ...]
     normal_force: float
     timing: Timing
+    normal_floor: float = 4.0
+    normal_ceiling: float = 12.0
+
+    __repr__ = brief_repr
 
     @property
     def duration(self) -> float:
@@ -202,7 +214,7 @@ def build_reference(plan: Plan, fingers: tuple[FingerDescription, ...], timing: 
         phases.extend(builder.build())
         contacts = action.contacts_end
     start = tuple(None if c is None else (c.X_OF, c.q) for c in plan.start_contacts)
-    return Reference(tuple(phases), start, plan.normal_force, timing)
+    return Reference(tuple(phases), start, plan.normal_force, timing, plan.normal_floor, plan.normal_ceiling)
 
 
 @dataclass(eq=False)
@@ -261,22 +273,25 @@ class _PhaseBuilder:
         action, timing = self.action, self.timing
         shift = action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3]
         turned = max((roll.tip_angle for roll in action.rolls), default=0.0)
-        cruise = max(
-            1.0 / self._carry(),
-            abs(action.angle) / timing.object_speed,
-            float(np.linalg.norm(shift)) / timing.shift_speed,
-            turned / timing.roll_speed,
-        )
+        cruises = {
+            "drift": 1.0 / self._carry(),
+            "object_speed": abs(action.angle) / timing.object_speed,
+            "shift_speed": float(np.linalg.norm(shift)) / timing.shift_speed,
+            "roll_speed": turned / timing.roll_speed,
+        }
         travel: dict[str, object] = {}
         if action.finger is not None:
             way = self._journey(action.finger, shift)
-            cruise = max(cruise, self._travel_time(way))
+            cruises["travel"] = self._travel_time(way)
             travel = {"finger": action.finger, "postures": way}
-        duration = max(cruise + timing.ramp, 2.0 * timing.ramp)
+        slowest = max(cruises, key=lambda name: cruises[name])
+        duration = max(cruises[slowest] + timing.ramp, 2.0 * timing.ramp)
+        if cruises[slowest] < timing.ramp:
+            slowest = "ramp"
         path = ObjectPath(action.X_WO_start, action.axis_W, action.angle, shift, duration, timing.ramp)
         rolls = {roll.finger: roll for roll in action.rolls}
         settle = timing.roll_settle if rolls else 0.0
-        return self._phase(0, duration + settle, object_path=path, rolls=rolls, **travel)
+        return self._phase(0, duration + settle, object_path=path, rolls=rolls, pace=PACES[slowest], **travel)
 
     def _journey(self, finger: int, shift: Array) -> Array:
         """Return the way of the finger that travels while the object moves: from its hover, or home, to its next one, or home."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dexplan.brief import brief_repr
 from dexplan.planning.roll import Roll
 from dexplan.spatial import Array
 
@@ -19,6 +20,8 @@ class RollOffset:
     height: float
     shift: Array
     R: Array
+
+    __repr__ = brief_repr
 
     @classmethod
     def measure(cls, roll: Roll, s: float, X_OF: Array) -> RollOffset:

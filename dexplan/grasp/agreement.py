@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
 from dexplan.grasp.closure import ClosureResult, check_antipodal, check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
@@ -39,6 +40,8 @@ class Sample:
     closed_form: ClosureResult
     closed_form_at_inradius: ClosureResult
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True)
 class Agreement:
@@ -58,6 +61,8 @@ class Agreement:
     disagreements: tuple[tuple[float, float], ...]
     pyramid_faults: tuple[tuple[float, float], ...]
     nearest: float
+
+    __repr__ = brief_repr
 
 
 def sample_pairs(count: int, rng: np.random.Generator) -> Iterator[Sample]:

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
 from dexplan.grasp.grasp import Grasp
 from dexplan.grasp.margin import build_margin_program, solve_exact_margin, solve_pyramid_margin
@@ -42,6 +43,8 @@ class ClosureResult:
     rank: int | None = None
     internal_forces: Array | None = None
     strength: Literal["exact", "sufficient"] = "exact"
+
+    __repr__ = brief_repr
 
     @property
     def is_settled(self) -> bool:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linprog
 
+from dexplan.brief import brief_repr
 from dexplan.grasp.program import INFINITY, ForceRows, Program
 from dexplan.spatial import Array
 
@@ -33,6 +34,8 @@ class Loosening:
     unit: str
     contacts: tuple[int, ...] = ()
     bound: str = ""
+
+    __repr__ = brief_repr
 
 
 class Diagnosis(NamedTuple):

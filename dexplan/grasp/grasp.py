@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import ContactModel
 from dexplan.spatial import Array, build_frame, hat, read_only, skew
 
@@ -24,6 +25,8 @@ class Contact:
     p_OC: Array
     R_OC: Array
     model: ContactModel
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         p, R = read_only(self.p_OC), read_only(self.R_OC)
@@ -47,6 +50,8 @@ class Grasp:
     """Contacts that hold one object together, in the order in which forces are stacked."""
 
     contacts: tuple[Contact, ...]
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         fingers = [contact.finger for contact in self.contacts]

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import NORMAL
 from dexplan.grasp.grasp import Grasp, compute_grasp_map
 from dexplan.spatial import Array
@@ -40,6 +41,8 @@ class MarginProgram:
     normal: Array
     shear: Array
     rank: int
+
+    __repr__ = brief_repr
 
     def attained(self, z: Array) -> float:
         """Return the least normal force to spare at z (K,), by the exact cones."""

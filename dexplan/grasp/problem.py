@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import NORMAL, ContactModel
 from dexplan.spatial import Array, read_only
 
@@ -22,6 +23,8 @@ class ForceLimits:
     normal_ceiling: Array
     torque_lower: Array | None = None
     torque_upper: Array | None = None
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("normal_floor", "normal_ceiling", "torque_lower", "torque_upper"):
@@ -84,6 +87,8 @@ class ForceProblem:
     torque_maps: Array | None = None
     torque_bias: Array | None = None
     previous: Array | None = None
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("G", "wrench", "target_normal", "torque_maps", "torque_bias", "previous"):

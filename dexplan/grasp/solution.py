@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import ContactModel
 from dexplan.grasp.certificate import OptimalityProof, prove_optimality
 from dexplan.grasp.diagnosis import Loosening
@@ -32,6 +33,8 @@ class ForceSolution:
     cures: tuple[tuple[Loosening, ...], ...] = ()
     method: str = ""
     iterations: int = 0
+
+    __repr__ = brief_repr
 
     @property
     def is_solved(self) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dexplan.brief import brief_repr
 from dexplan.grasp.closure import ClosureResult, compute_angle
 from dexplan.spatial import GRAVITY, Array, build_frame, read_only
 
@@ -20,6 +21,8 @@ class IndependentCones:
 
     axis: Array
     half_angle: float
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         axis = np.asarray(self.axis, dtype=np.float64)

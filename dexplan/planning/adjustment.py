@@ -6,6 +6,7 @@ them to the workspaces.  Then use finger gaiting and rolling to reach the goal g
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from typing import Literal
@@ -18,10 +19,11 @@ from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts
+from dexplan.planning.passes import GAVE_UP, PASSES, Outcome, scale_work
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import FIRST, Start
 from dexplan.planning.reorient import Turns
-from dexplan.planning.stages import PASSES, Stages
+from dexplan.planning.stages import Stages
 from dexplan.spatial import Array
 
 KIND = "grasp_adjustment"
@@ -46,7 +48,8 @@ def plan_grasp_adjustment(
     The object stays at ``X_WO`` (4, 4) if that is possible; else it is turned by one of the turns that help, and, with
     ``keep_object``, brought back by the goal grasp.  ``improvement`` says how long other turns are tried then for a plan that
     costs less.  No plan is an answer with a status: ``goal_contacts_unreachable``, ``goal_grasp_inadmissible``,
-    ``no_adjustment``, or one of those that refuse a start.
+    ``no_adjustment`` where everything was tried, ``budget_exhausted`` where the search gave up before, or one of those that
+    refuse a start.
     """
     stages = Stages(hand, X_WO, start, goal, node_budget, primitives, improvement)
     stay = RotationGoal(X_WO, VERTICAL, 0.0)
@@ -57,11 +60,11 @@ def plan_grasp_adjustment(
         return stages.refuse(KIND, stay, status, reason)
     contacts, missing = stages.land_goal(X_WO)
     refusal = "" if missing else stages.refuse_goal(X_WO, contacts)
-    why = ""
+    staying: Outcome | None = None
     if not missing and not refusal:
-        actions, first, why = stages.run(rest_at(X_WO), rest_at(X_WO))
-        if not why:
-            return stages.build_plan(KIND, stay, actions, first)
+        staying = stages.run(rest_at(X_WO), rest_at(X_WO))
+        if staying.is_found:
+            return stages.build_plan(KIND, stay, staying.actions, staying.start)
     elif keep_object:
         if missing:
             return stages.refuse(
@@ -80,7 +83,9 @@ def plan_grasp_adjustment(
         )
     turns = Turns(stages)
     may_end = partial(_can_return, stages) if keep_object else None
-    chosen = list(islice(turns.choose(may_end), TURNS))
+    most = scale_work(TURNS, node_budget)
+    chosen = list(islice(turns.choose(may_end), most + 1))
+    is_more, chosen = len(chosen) > most, chosen[:most]
     ways = []
     for turn in chosen:
         motion = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
@@ -92,23 +97,20 @@ def plan_grasp_adjustment(
         there = ways[done.number][0].X_WO_end
         goal_pose = stay if keep_object else RotationGoal.from_attitude(X_WO, there[:3, :3])
         return stages.build_plan(KIND, goal_pose, done.actions, done.start)
-    why = why or done.why
-    if keep_object and not chosen:
-        return stages.refuse(
-            KIND,
-            stay,
-            "no_adjustment",
-            f"{stages.explain_end(why)}, or set goal.keep_object = false: there is no other attitude in which the goal contacts "
-            "lie within reach and from which they carry the object back",
-        )
+    keep = ", or set goal.keep_object = false" if keep_object else ""
     if chosen:
-        last = ", or set goal.keep_object = false" if keep_object else ""
-        return stages.refuse(
-            KIND,
-            stay,
-            "no_adjustment",
-            stages.explain_end(why, _describe_tried(done.tried, len(chosen))) + last,
+        gave_up = done.gave_up or is_more or (staying is not None and staying.gave_up)
+        tried = _describe_tried(done.tried, len(chosen), is_more)
+        # What stopped it where the object is says more than what did elsewhere.
+        done = replace(staying or done, gave_up=gave_up, ran_out=done.ran_out or is_more)
+        status = GAVE_UP if gave_up else "no_adjustment"
+        return stages.refuse(KIND, stay, status, stages.explain_end(done, tried) + keep)
+    if staying is not None:
+        nowhere = ": there is no other attitude in which the goal contacts lie within reach and hold" + (
+            ", and from which they carry the object back" if keep_object else ""
         )
+        status = GAVE_UP if staying.gave_up else "no_adjustment"
+        return stages.refuse(KIND, stay, status, stages.explain_end(staying) + keep + nowhere)
     if turns.fault:
         return stages.refuse(
             KIND,
@@ -137,7 +139,10 @@ def _can_return(stages: Stages, X_WO: Array, contacts: Contacts) -> bool:
     return not plan_coordinated(stages.hand, stages.admissibility, held, back, "")[1]
 
 
-def _describe_tried(tried: int, chosen: int) -> str:
+def _describe_tried(tried: int, chosen: int, is_more: bool) -> str:
     """Return in how many attitudes the grasp was to be adjusted, in words."""
-    which = "one attitude" if chosen == 1 else f"{tried} attitudes"
-    return f"tried in {which} in which the goal contacts lie within reach"
+    attitudes = "attitude" if chosen == 1 else "attitudes"
+    count = f"all {chosen}" if tried == chosen and not is_more and chosen > 1 else f"{tried} of {chosen}"
+    which = "the one attitude" if tried == chosen == 1 and not is_more else f"{count} {attitudes}"
+    others = "; there are more such attitudes" if is_more else ""
+    return f"tried in {which} in which the goal contacts lie within reach{others}"

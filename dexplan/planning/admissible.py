@@ -12,6 +12,7 @@ import numpy as np
 
 from dexplan.grasp.force import GENTLE_FRICTION, ForceLimits, ForceSolver
 from dexplan.grasp.grasp import map_contact
+from dexplan.planning.conditions import Condition, classify_nearness
 from dexplan.planning.hand import HandModel
 from dexplan.scene.chain import (
     compute_dexterity,
@@ -28,7 +29,7 @@ class Margins:
 
     ``joint`` [rad] and ``dexterity`` over the loaded fingers; ``load``: share of the believed cone that the force QP leaves
     unused, -inf where it finds no forces; ``torque``: largest share of a torque limit; ``clearance`` [m].
-    ``refusal`` is empty for an admissible state, else the first violated condition in words.
+    ``refusal`` is empty for an admissible state, else the first violated condition in words; ``unmet`` names it.
     """
 
     joint: float
@@ -37,6 +38,7 @@ class Margins:
     torque: float
     clearance: float
     refusal: str = ""
+    unmet: Condition | None = None
 
     @property
     def is_admissible(self) -> bool:
@@ -128,19 +130,24 @@ class Admissibility:
         holding = tuple(sorted(states))
         joint = min(states[i].joint for i in holding)
         dexterity = min(states[i].dexterity for i in holding)
-        clearance, pair = hand.probe.compute_clearance(q, X_WO, (*holding, *landing))
-        load, torque, refusal = -np.inf, np.inf, ""
+        nearest = hand.probe.find_nearest(q, X_WO, (*holding, *landing))
+        load, torque, refusal, unmet = -np.inf, np.inf, "", None
         if joint < limits.joint_margin:
-            refusal = f"a joint comes within {np.degrees(joint):.1f} deg of its limit"
+            refusal, unmet = (
+                f"a joint comes within {np.degrees(joint):.1f} deg of its limit",
+                Condition.JOINTS,
+            )
         elif dexterity < limits.dexterity:
-            refusal = "a finger comes near a singular posture"
-        elif clearance < limits.clearance:
-            refusal = f"{pair} come within {1e3 * clearance:.1f} mm"
+            refusal, unmet = "a finger comes near a singular posture", Condition.POSTURE
+        elif nearest.distance < limits.clearance:
+            refusal = f"{nearest.names} come within {1e3 * nearest.distance:.1f} mm"
+            unmet = classify_nearness(nearest)
         else:
             load, torque, fault = self._compute_load(states, q, X_WO, axis_W, explain)
-            named = f" ({fault})" if explain else ""
-            refusal = f"the contacts cannot carry the load{named}" if fault else ""
-        return Margins(float(joint), float(dexterity), load, torque, clearance, refusal)
+            if fault:
+                refusal = f"the contacts cannot carry the load{f' ({fault})' if explain else ''}"
+                unmet = Condition.FRICTION
+        return Margins(float(joint), float(dexterity), load, torque, nearest.distance, refusal, unmet)
 
     def compute_path_clearance(
         self, q: Array, X_WO: Array, free: int, path: Array, touching: tuple[int, ...]
@@ -154,6 +161,10 @@ class Admissibility:
             if clearance < best:
                 best, pair = clearance, names
         return float(best), pair
+
+    def refuse_load(self, states: dict[int, FingerState], q: Array, X_WO: Array) -> bool:
+        """Return whether fingers in ``states`` cannot carry the object at rest, whatever else may be wrong with the state."""
+        return bool(self._compute_load(states, q, X_WO, None, explain=False)[2])
 
     def _compute_load(
         self, states: dict[int, FingerState], q: Array, X_WO: Array, axis_W: Array | None, explain: bool

@@ -59,20 +59,6 @@ def classify(hand: HandModel, q: Array, X_WO: Array | None = None) -> Configurat
     return Configuration("contact" if touching else "free", touching, clearance, nearest)
 
 
-def explain_obstruction(hand: HandModel) -> str:
-    """Return what is too near to what while all fingers and the object are at home, and the cure; "" where nothing is.
-
-    Free fingers wait at home, so no plan can begin there.
-    """
-    at = classify(hand, hand.q_home)
-    if at.clearance >= hand.limits.clearance:
-        return ""
-    return (
-        f"{at.nearest} come within {1e3 * at.clearance:.1f} mm while all fingers are at home, where free fingers wait, and "
-        f"{1e3 * hand.limits.clearance:.1f} mm have to be left; move or shrink the obstacle"
-    )
-
-
 def compute_tip_gaps(hand: HandModel, q: Array, X_WO: Array) -> Array:
     """Return the distance (F,) [m] of every fingertip to the object's surface, negative inside it.
 

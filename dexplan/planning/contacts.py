@@ -5,6 +5,7 @@ Contacts live on the orbits of ``orbits.py``; what pairs of them carry is asked 
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -20,7 +21,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Candidates, Held, Landfall, Landing
 from dexplan.planning.legs import STEP, Leg
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
-from dexplan.planning.orbits import Orbit, build_fixed_orbit, build_orbits
+from dexplan.planning.orbits import OUT_OF_REACH, Orbit, build_fixed_orbit, build_orbits
 from dexplan.planning.plan import Placement
 from dexplan.planning.regions import (
     ORDER_GAP,
@@ -53,6 +54,8 @@ class ContactTable:
     hand: HandModel
     leg: Leg
     orbits: list[Orbit] = field(default_factory=list)
+    start_limits: dict[int, str] = field(default_factory=dict)
+    """What keeps fingers from the start contacts that they were asked for and cannot hold."""
     _runs: dict[tuple[int, int], list[FingerState]] = field(default_factory=dict)
     _trees: dict[int, cKDTree] = field(default_factory=dict)
 
@@ -90,6 +93,15 @@ class ContactTable:
             self.orbits += landings.orbits
         return found
 
+    def explain_reach(self, finger: int) -> tuple[bool, str]:
+        """Return whether a finger can touch the object anywhere, and what stops it at most places where it cannot."""
+        landings, limits = self._landings[finger], Counter[str]()
+        for orbit in landings.orbits:
+            limits.update(orbit.limit[k] for k in np.flatnonzero(~orbit.is_reached))
+        # Far around the object every finger's workspace ends: that says something only where nothing else does.
+        ranked = sorted(limits, key=lambda text: (text == OUT_OF_REACH, -limits[text], text))
+        return bool(len(landings.stand.orbit)), ranked[0] if ranked else ""
+
     def foresee_carry(self, finger: int, normal: Array) -> int:
         """Return for how many stations the finger could about carry a contact along ``normal`` (3,) in W from the leg's start.
 
@@ -106,7 +118,7 @@ class ContactTable:
     def start_along(self, finger: int, normal: Array) -> Held | None:
         """Return a start contact with the outward ``normal`` (3,) in W, the pole along it; None where it is out of reach."""
         X = build_aligned(self.hand, finger, self.leg.center, normal[None])
-        return self._start(finger, build_orbits(self.hand, self.leg, finger, X, normal[None])[0])
+        return self._start(finger, build_orbits(self.hand, self.leg, finger, X, normal[None], np.pi)[0])
 
     def start_at(self, finger: int, X_WF: Array, q: Array | None = None) -> Held | None:
         """Return a start contact with the tip at ``X_WF`` (4, 4), in the posture ``q`` if given; None where it cannot be held."""
@@ -117,6 +129,7 @@ class ContactTable:
     def _start(self, finger: int, orbit: Orbit) -> Held | None:
         self.orbits.append(orbit)
         if not orbit.is_reached[0]:
+            self.start_limits[finger] = orbit.limit[0]
             return None
         return Held(finger, len(self.orbits) - 1, 0, 0, int(orbit.carry[0]))
 
@@ -352,45 +365,6 @@ class ContactTable:
                     break
                 free &= normals @ normals[row] <= APART
         return chosen
-
-    def start_pairs(self, count: int = 24) -> list[tuple[tuple[Held, ...], int, float]]:
-        """Return pairs to start from where the problem leaves it to the planner, with promise and load, best first."""
-        found: list[tuple[float, tuple[Held, ...], int, float]] = []
-        chosen = {}
-        for finger, rows in self.candidates.items():
-            usable = np.flatnonzero(
-                self.allows(rows.normals, 0) & ((rows.station == 0) | (not self.leg.is_shift))
-            )
-            chosen[finger] = usable[:: max(1, len(usable) // 200)]
-        for a, b in combinations(sorted(self.candidates), 2):
-            one, two = self.candidates[a], self.candidates[b]
-            i, j = (m.ravel() for m in np.meshgrid(chosen[a], chosen[b], indexing="ij"))
-            cosine = -(one.normals[i] * two.normals[j]).sum(1)
-            promise = np.minimum(np.minimum(one.carry[i], two.carry[j]), max(self.stations, 1))
-            ok = (cosine > compute_opposition(self.beta_max)) & (promise >= min(1, self.stations))
-            ok &= self.keep_order(self.with_free({a: one.normals[i], b: two.normals[j]}))
-            i, j, cosine, promise = i[ok], j[ok], cosine[ok], promise[ok]
-            quick = promise - 8.0 * np.arccos(np.clip(cosine, -1.0, 1.0)) / (2.0 * self.beta_max)
-            best = np.argsort(-quick, kind="stable")[:400]
-            i, j = i[best], j[best]
-            asked = promise[best] if self.stations else np.zeros(len(best), dtype=np.intp)
-            lasting, load = self.estimate(one.normals[i], two.normals[j], asked)
-            for k in np.flatnonzero(lasting >= 0):
-                both = (one.pick(a, int(i[k])), two.pick(b, int(j[k])))
-                found.append((float(lasting[k] - 8.0 * load[k]), both, int(lasting[k]), float(load[k])))
-        found.sort(key=lambda item: -item[0])
-        chosen_pairs: list[tuple[tuple[Held, ...], int, float]] = []
-        taken: list[dict[int, Array]] = []
-        for _, pair, lasting_one, load_one in found:
-            normals = {h.finger: self.normal(h) for h in pair}
-            # Pairs like one that was chosen say nothing new.
-            if any(o.keys() == normals.keys() and min(o[f] @ normals[f] for f in o) > APART for o in taken):
-                continue
-            taken.append(normals)
-            chosen_pairs.append((pair, lasting_one, load_one))
-            if len(chosen_pairs) == count:
-                break
-        return chosen_pairs
 
 
 def _turn(axis: Array, angle: Array, vectors: Array) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.planning.admissible import (
     Admissibility,
     FingerState,
@@ -30,6 +31,8 @@ class ObjectMotion:
     axis_W: Array
     angle: float
     shift_W: Array
+
+    __repr__ = brief_repr
 
     @property
     def is_still(self) -> bool:

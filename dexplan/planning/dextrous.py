@@ -8,6 +8,7 @@ object.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -18,9 +19,10 @@ from dexplan.planning.goal import RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.hand import HandModel
 from dexplan.planning.overlap import overlap_travel
+from dexplan.planning.passes import GAVE_UP, PASSES, Pass
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import FIRST, Start
-from dexplan.planning.stages import PASSES, Stages
+from dexplan.planning.stages import Stages
 from dexplan.scene.workspace import spread_directions
 
 KIND = "dextrous_manipulation"
@@ -30,7 +32,7 @@ SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 
 DETOURS, AXES, MOST = (float(np.radians(15.0)), float(np.radians(30.0))), 12, 6
 """Turns [rad] about so many axes that lead to the goal from beside the straight way there; at most so many are tried."""
-TOGETHER = ((1, 2), (2, 2))
+TOGETHER = (Pass(1, 2, 3), Pass(2, 2, 3))
 """Where fingers are to travel while the object moves the search needs some of the object's way."""
 WORK = 700
 """Work, as :class:`Stages` counts it, after which no further way is tried in one order."""
@@ -54,7 +56,7 @@ def plan_dextrous_manipulation(
     ``contacts``: outward normals in object axes, None for a finger that has to be free.  ``compute_duration`` tells how long a
     plan takes [s]; the order "simultaneous" takes the shortest it finds, and counts actions where there is none.
     ``improvement`` says how long other ways are tried for a plan that costs less, none on which the grasp is adjusted later.  No
-    plan is an answer with a status: those of a grasp adjustment, or ``no_dextrous_plan``.
+    plan is an answer with a status: those of a grasp adjustment, with ``no_dextrous_plan`` instead of ``no_adjustment``.
     """
     if order == "simultaneous":
         # Three searches vie for the shortest time already.
@@ -97,15 +99,15 @@ def _plan_in_order(
     """Return the plan that adjusts the grasp after the first of ``shares`` of the object's way at which that works."""
     whole = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
     ways = [(whole.part(0.0, share), whole.part(share, 1.0)) for share in shares]
-    if len(shares) > 1 and goal.is_attitude:
-        ways += _choose_detours(stages, goal)
+    detours = _choose_detours(stages, goal) if len(shares) > 1 and goal.is_attitude else []
+    ways += detours[:MOST]
     passes = TOGETHER if is_simultaneous else PASSES
     done = stages.run_all(ways, passes, work, goal.is_attitude, is_simultaneous, is_early=True)
     if done.number is not None:
         return stages.build_plan(KIND, goal, done.actions, done.start)
-    return stages.refuse(
-        KIND, goal, "no_dextrous_plan", f"{stages.explain_end(done.why)}, or try another goal.order"
-    )
+    done = replace(done, gave_up=done.gave_up or len(detours) > MOST)
+    status = GAVE_UP if done.gave_up else "no_dextrous_plan"
+    return stages.refuse(KIND, goal, status, f"{stages.explain_end(done)}, or try another goal.order")
 
 
 def _choose_detours(stages: Stages, goal: RotationGoal) -> list[tuple[ObjectMotion, ObjectMotion]]:
@@ -121,7 +123,7 @@ def _choose_detours(stages: Stages, goal: RotationGoal) -> list[tuple[ObjectMoti
                 there = RotationGoal.from_attitude(goal.X_WO_start, X_WO[:3, :3], goal.shift_W)
                 before = ObjectMotion(goal.X_WO_start, there.axis_W, there.angle, there.shift_W)
                 ways.append((before, ObjectMotion(X_WO, axis, angle, np.zeros(3))))
-    return ways[:MOST]
+    return ways
 
 
 def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Callable[[Plan], float]) -> Plan:
@@ -134,7 +136,8 @@ def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Cal
     plans += [_plan_in_order(stages, goal, shares, WORK // 2) for shares in ((1.0,), SHARES)]
     solved = [overlap_travel(stages.hand, plan) for plan in plans if plan.is_solved]
     if not solved:
-        return plans[0]
+        # Where one of them gave up there may be a way after all.
+        return next((plan for plan in plans if plan.status == GAVE_UP), plans[0])
 
     def rank(plan: Plan) -> tuple[bool, float]:
         counted = plan.statistics

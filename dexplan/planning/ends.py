@@ -22,8 +22,9 @@ from dexplan.planning.roll_gait import build_roll_actions
 from dexplan.planning.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.still import StillContacts
 
-BUDGETS = (12, 50, 400)
-"""Nodes that the gaits from one beginning may open: so many from all of them, and more where that leads nowhere."""
+BUDGETS = (12, 12, 50, 400)
+"""Nodes that the gaits from one beginning may open, at first from the first beginning alone and then from all of them: more,
+once asked to go so deep, where that leads nowhere."""
 MOST = 12
 """Gaits from one beginning that are looked at."""
 APART = float(np.radians(15.0))
@@ -71,7 +72,8 @@ def choose_beginnings(
 class Ends:
     """Ends of gaits to ``goal``, found one after another as they are asked for.
 
-    ``opened`` counts nodes, ``why`` says why there is none, ``found`` has those that were asked for so far.
+    ``opened`` counts nodes, ``why`` says why there is none, ``found`` has those that were asked for so far.  ``is_over``: there
+    are no more.  ``is_cut``: gaits are given up with something left to try, so that there may be others.
     ``contacts`` are those from which the ``beginnings`` begin, where they are known; the latest that led to an end is put first.
     """
 
@@ -84,40 +86,60 @@ class Ends:
     opened: int = 0
     why: str = ""
     found: list[End] = field(default_factory=list)
+    is_over: bool = False
+    is_cut: bool = False
 
     def __post_init__(self) -> None:
-        self._more: Iterator[End] = self._find()
-        self._until = 0
+        self._more: Iterator[End | None] = self._find()
+        self._until, self._depth = 0, 0
 
     def settle(self, end: End) -> None:
         """Take the only end there is: nothing has to move."""
-        self.found, self._more = [end], iter(())
+        self.found, self._more, self.is_over = [end], iter(()), True
 
-    def get(self, number: int, most: int) -> End | None:
-        """Return an end by its number, opening up to about ``most`` more nodes; None where there are not so many."""
-        self._until = self.opened + most
-        while len(self.found) <= number:
-            end = next(self._more, None)
+    def get(self, number: int, most: int, depth: int = len(BUDGETS) - 1) -> End | None:
+        """Return an end by its number, None where it is not found: there is none if ``is_over``, else more may find it.
+
+        About ``most`` more nodes are opened, none with a budget beyond number ``depth`` of ``BUDGETS``.
+        """
+        self._until, self._depth = self.opened + most, depth
+        while len(self.found) <= number and not self.is_over:
+            try:
+                end = next(self._more)
+            except StopIteration:
+                self.is_over = True
+                break
             if end is None:
-                return None
+                break
             self.found.append(end)
-        return self.found[number]
+        return self.found[number] if number < len(self.found) else None
 
-    def _find(self) -> Iterator[End]:
-        for budget in BUDGETS:
+    def _find(self) -> Iterator[End | None]:
+        """Yield end after end; None where more nodes, or a greater depth, are asked for before it goes on."""
+        tried, closed = dict[Beginning, int](), list[Beginning]()
+        for depth, budget in enumerate(BUDGETS):
             if self.found:
                 return
-            for beginning in tuple(self.beginnings):
-                before, nodes = self.opened, min(budget, self.node_budget, self._until - self.opened)
-                if nodes <= 0:
-                    return
+            for beginning in self.beginnings[: None if depth else 1]:
+                most = min(budget, self.node_budget)
+                if beginning in closed or tried.get(beginning, 0) >= most:
+                    continue
+                while self._depth < depth or self._until <= self.opened:
+                    yield None
+                before, nodes = self.opened, min(most, self._until - self.opened)
+                tried[beginning] = nodes
                 plans = plan_rotations(self.hand, self.goal, beginning.start, nodes, self.primitives)
                 for plan in islice(plans, MOST):
                     self.opened = before + int(plan.statistics.get("nodes", 0))
                     if not plan.is_solved:
-                        self.why = (
-                            self.why or f"the object cannot be brought there ({plan.status}: {plan.reason})"
-                        )
+                        if plan.status == "budget_exhausted":
+                            self.why = f"no gait was found that brings the object there, within {nodes} nodes"
+                        else:
+                            # What was searched to the end, or refused, will not do with more nodes either.
+                            closed.append(beginning)
+                            self.why = self.why or (
+                                f"the object cannot be brought there ({plan.status}: {plan.reason})"
+                            )
                         break
                     actions = (*beginning.actions, *without_holds(plan.actions))
                     first = self.contacts if beginning.actions else plan.start_contacts
@@ -127,6 +149,7 @@ class Ends:
                         self.beginnings.remove(beginning)
                         self.beginnings.insert(0, beginning)
                         yield End(actions, first, follow_actions(self.hand, first, actions))
+        self.is_cut = len(closed) < len(self.beginnings)
 
 
 def _are_different(a: Contacts, b: Contacts) -> bool:

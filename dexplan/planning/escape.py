@@ -57,7 +57,7 @@ def find_escapes(table: ContactTable, held: tuple[Held, Held]) -> list[Escape]:
     carried = _carry(table, held, turns)
     room = np.zeros(carried.shape, dtype=np.intp)
     normals = [np.einsum("akij,j->aki", turns, table.normal(h)) for h in held]
-    places = _find_places(table, {h.finger for h in held})
+    places = find_places(table, {h.finger for h in held})
     for a, k in np.argwhere(carried).tolist():
         here = {h.finger: n[a, k] for h, n in zip(held, normals, strict=True)}
         room[a, k] = _count_room(table, here, places, turns[a, k])
@@ -74,7 +74,12 @@ def find_escapes(table: ContactTable, held: tuple[Held, Held]) -> list[Escape]:
 def count_room(table: ContactTable, held: tuple[Held, Held]) -> int:
     """Return at how many places, about 4 deg apart, a free finger could land beside the pair ``held`` as it stands."""
     normals = {h.finger: table.normal(h) for h in held}
-    return _count_room(table, normals, _find_places(table, set(normals)), np.eye(3))
+    return count_room_at(table, normals, find_places(table, set(normals)))
+
+
+def count_room_at(table: ContactTable, held: dict[int, Array], places: dict[int, Array]) -> int:
+    """Return the same beside contacts along the normals ``held`` (3,) in W, at the ``places`` of :func:`find_places`."""
+    return _count_room(table, held, places, np.eye(3))
 
 
 def _count_room(table: ContactTable, held: dict[int, Array], places: dict[int, Array], turn: Array) -> int:
@@ -106,7 +111,7 @@ def _carry(table: ContactTable, held: tuple[Held, Held], turns: Array) -> NDArra
     return np.logical_and.accumulate(ok.reshape(turns.shape[:2]), axis=1)
 
 
-def _find_places(table: ContactTable, holding: set[int]) -> dict[int, Array]:
+def find_places(table: ContactTable, holding: set[int]) -> dict[int, Array]:
     """Return directions (N, 3) in W along which each free finger can touch the object where it is."""
     regions = compute_regions(table.hand, table.leg.center, theta=table.beta_max)
     free = sorted(set(range(len(table.hand.fingers))) - holding)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dexplan.brief import brief_repr
 from dexplan.planning.legs import Leg
 from dexplan.spatial import Array, read_only, rotate_about
 
@@ -27,6 +28,8 @@ class RotationGoal:
     angle: float
     shift_W: Array = field(default_factory=lambda: np.zeros(3))
     is_attitude: bool = False
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "X_WO_start", read_only(self.X_WO_start))
@@ -67,6 +70,17 @@ def build_routes(goal: RotationGoal, swings: tuple[Array, ...] = ()) -> list[tup
         turns += _split_at_vertical(R) + [way for swing in swings for way in _split_at_swing(R, swing)]
     orders = ("last", "first") if np.any(goal.shift_W) else ("none",)
     return [_build_legs(goal, way, order) for order in orders for way in turns]
+
+
+def list_swings(homes: Array) -> tuple[Array, ...]:
+    """Return horizontal axes (3,) about which the object turns easily: chords of pairs of fingers with tips ``homes`` (F, 3)."""
+    swings = []
+    for i in range(len(homes)):
+        for j in range(i + 1, len(homes)):
+            chord = (homes[j] - homes[i]) * [1.0, 1.0, 0.0]
+            if np.linalg.norm(chord) > 1e-9:
+                swings.append(chord / np.linalg.norm(chord))
+    return tuple(swings)
 
 
 def build_detours(goal: RotationGoal, axis_W: Array, angle: float) -> list[tuple[Leg, ...]]:

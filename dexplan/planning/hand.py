@@ -8,8 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
-from dexplan.scene.description import FingerDescription, ObjectDescription
+from dexplan.scene.description import FingerDescription, Nearness, ObjectDescription
 from dexplan.scene.workspace import Workspace
 from dexplan.spatial import Array
 
@@ -17,8 +18,20 @@ from dexplan.spatial import Array
 class Probe(Protocol):
     """Kinematic queries that need the hand's full geometry; answered by ``scene.probe.HandProbe``."""
 
-    def compute_clearance(self, q: Array, X_WO: Array, touching: tuple[int, ...]) -> tuple[float, str]:
-        """Return the smallest distance [m] between bodies that should not touch, and their names."""
+    def compute_clearance(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> tuple[float, str]:
+        """Return the smallest distance [m] between bodies that should not touch, and their names; nothing ``absent`` counts."""
+        ...
+
+    def find_nearest(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> Nearness:
+        """Return the same with whose bodies they are."""
+        ...
+
+    def find_overlaps(self) -> tuple[Nearness, ...]:
+        """Return the bodies that touch or overlap whatever the hand does, the deepest first."""
         ...
 
     def compute_gravity_torque(self, q: Array) -> Array:
@@ -32,6 +45,9 @@ class AdmissibleLimits:
 
     joint_margin: float = float(np.radians(5.0))
     """Distance of every joint to its limits [rad]."""
+    travel_margin: float = float(np.radians(4.0))
+    """The same for a free finger on its way [rad].  The judge asks 3 degrees of every finger at every sample; the rest is for
+    what execution adds."""
     dexterity: float = 0.25
     """Smallest singular value of a loaded finger's Jacobian, lengths in 60 mm: away from singular postures."""
     cone_share: float = 0.98
@@ -68,6 +84,10 @@ class HandModel:
     acceleration: float = 2.8
     tip_polar_limit: float = float(np.radians(80.0))
     """Largest angle between a tip's pole and its contact on the tip [rad]."""
+    tip_rotation_limit: float = float(np.radians(75.0))
+    """How far a tip may roll round, seen from where its contact set out: the paper's gamma [rad]."""
+
+    __repr__ = brief_repr
 
     @cached_property
     def p_WF_home(self) -> Array:

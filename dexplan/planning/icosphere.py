@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
+from dexplan.brief import brief_repr
 from dexplan.spatial import Array, read_only
 
 Indices = NDArray[np.intp]
@@ -34,6 +35,8 @@ class Icosphere:
     triangles: Indices
     parents: Indices
     coarser: Icosphere | None = field(default=None, repr=False)
+
+    __repr__ = brief_repr
 
     @cached_property
     def spacing(self) -> float:
@@ -169,6 +172,8 @@ class Arcs:
     """Short great-circle arcs (S, 2, 3), and how near they come to given directions."""
 
     ends: Array
+
+    __repr__ = brief_repr
 
     @cached_property
     def _basis(self) -> tuple[Array, Array, Array]:

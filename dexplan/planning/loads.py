@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.planning.hand import HandModel
 from dexplan.spatial import GRAVITY, Array
@@ -34,6 +35,8 @@ class PairLoads:
     utilisation: Array
     forces: Array
     torsions: Array
+
+    __repr__ = brief_repr
 
 
 def compute_object_wrench(hand: HandModel, axis_W: Array | None) -> Array:

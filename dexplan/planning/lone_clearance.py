@@ -1,4 +1,7 @@
-"""Does a finger that touches, or hovers over its contact, come too near to anything, all others at home?
+"""Does a finger that touches, or hovers over its contact, come too near to anything, wherever the other fingers are?
+
+Only what does not depend on them counts: itself, the object, the floor, obstacles.  Another finger may hold anywhere, and only
+one that stays free is at home; who is where is known where whole grasps are judged.
 
 Asked once per finger, place and direction.  A tip that touches a sphere with its pole along the normal holds the finger's links
 in one place whatever the spin, so that the answer belongs to the direction alone.  Directions are those of a grid as fine as the
@@ -67,14 +70,19 @@ class LoneClearance:
 
     def _refuse(self, finger: int, center: Array, X_WF: Array, touching: tuple[int, ...]) -> list[str]:
         hand, X_WO, refusals = self.hand, make_pose(p=center), []
-        posture = hand.q_home
+        posture, others = hand.q_home, list_others(hand, finger)
         for q, is_reached in zip(*solve_tip_pose(hand.workspaces[finger], X_WF), strict=True):
             posture[finger] = q
             clearance, names = (
-                hand.probe.compute_clearance(posture, X_WO, touching) if is_reached else (np.inf, "")
+                hand.probe.compute_clearance(posture, X_WO, touching, others) if is_reached else (np.inf, "")
             )
             refusals.append(f"{names} too near" if clearance < hand.limits.clearance else "")
         return refusals
+
+
+def list_others(hand: HandModel, finger: int) -> tuple[int, ...]:
+    """Return all fingers but one."""
+    return tuple(f for f in range(len(hand.fingers)) if f != finger)
 
 
 @lru_cache(maxsize=8)

@@ -13,17 +13,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import Leg
-from dexplan.planning.lone_clearance import remember_clearances
+from dexplan.planning.lone_clearance import list_others, remember_clearances
 from dexplan.planning.spherical_wrist import estimate_dexterity, solve_near, solve_tip_pose
 from dexplan.planning.travel import wrap_near
+from dexplan.scene.chain import Chain
 from dexplan.spatial import Array, make_pose, read_only
 
 _JUMP = 0.30
 """Joint steps between neighbouring stations beyond this mean another branch [rad]."""
 _SIGHT = float(np.radians(80.0))
-"""Directions farther than this from a finger's own are not tried."""
+"""Directions farther than this from a finger's own are not tried for landings."""
+OUT_OF_REACH = "the end of its workspace"
+"""What stops a finger where no posture reaches."""
 _LOOK = 3
 """Clearance of one finger alone is looked at at every so many stations."""
 
@@ -34,7 +38,8 @@ class Orbit:
 
     At station k the contact has the outward normal ``normals[k]`` (K, 3) in W and the finger the posture ``q[k]`` (K, J), NaN
     out of reach.  Turning the leg's way from station k the finger gets through ``carry[k]`` more stations, provided it landed
-    with its tip spun by ``spin[k]`` [rad] about its pole from the table's posture; ``limit[k]`` says what ends it.
+    with its tip spun by ``spin[k]`` [rad] about its pole from the table's posture; ``limit[k]`` says what ends it, or why there
+    is none.
     """
 
     finger: int
@@ -44,6 +49,8 @@ class Orbit:
     carry: NDArray[np.intp]
     spin: Array
     limit: tuple[str, ...]
+
+    __repr__ = brief_repr
 
     def run(self, hand: HandModel, leg: Leg, landed: int) -> Array:
         """Return the postures (carry + 1, J) of the finger that landed at station ``landed``, on one branch."""
@@ -55,13 +62,16 @@ class Orbit:
         return q
 
 
-def build_orbits(hand: HandModel, leg: Leg, finger: int, X_first: Array, normals: Array) -> list[Orbit]:
+def build_orbits(
+    hand: HandModel, leg: Leg, finger: int, X_first: Array, normals: Array, sight: float = _SIGHT
+) -> list[Orbit]:
     """Return the orbits of contacts with the tip poses ``X_first`` (M, 4, 4) and ``normals`` (M, 3) at station 0.
 
-    The spin of each landing is chosen so that the roll of the tip is centred over the run.
+    Stations farther than ``sight`` [rad] from the finger's own direction are not tried: there is little to be had there.  The
+    spin of each landing is chosen so that the roll of the tip is centred over the run.
     """
     N, X_WF = _carry_along(leg, X_first, normals)
-    q, ok, why = _solve(hand, finger, leg, N, X_WF)
+    q, ok, why = _solve(hand, finger, leg, N, X_WF, sight=sight)
     return [
         Orbit(
             finger,
@@ -135,20 +145,27 @@ def _carry_along(leg: Leg, X_first: Array, normals: Array) -> tuple[Array, Array
 
 
 def _solve(
-    hand: HandModel, finger: int, leg: Leg, normals: Array, X_WF: Array, stands: Array | None = None
+    hand: HandModel,
+    finger: int,
+    leg: Leg,
+    normals: Array,
+    X_WF: Array,
+    stands: Array | None = None,
+    sight: float = np.pi,
 ) -> tuple[Array, NDArray[np.bool_], list[list[str]]]:
     """Return postures (M, K, J), which stations the finger can hold (M, K), and why not where it cannot.
 
     ``stands`` (J,): the finger is there already, in this posture, so that it stays on this branch and sees only this leg.
     """
     description, limits, workspace = hand.fingers[finger], hand.limits, hand.workspaces[finger]
-    home = description.pose_at(description.q_home)[:3, 3] - leg.center
-    near = normals @ (home / np.linalg.norm(home)) > np.cos(_SIGHT)
+    home = description.pose_at(description.q_home)[:3, 3] - leg.center - leg.motions[1]
+    home /= np.linalg.norm(home, axis=-1, keepdims=True)
+    near = np.einsum("mki,ki->mk", normals, home) >= np.cos(sight)
     if stands is not None:
         near[:, leg.sense * np.arange(leg.stations + 1, near.shape[1])] = False
     q = np.full((*near.shape, description.chain.n_joints), np.nan)
     ok = np.zeros(near.shape, dtype=bool)
-    reason = np.full(near.shape, "the end of its workspace", dtype=object)
+    reason = np.full(near.shape, OUT_OF_REACH, dtype=object)
     if near.any() and len(workspace.postures):
         if stands is None:
             solved, reached = solve_tip_pose(workspace, X_WF[near])
@@ -158,6 +175,10 @@ def _solve(
         lower, upper = description.chain.lower[: fixed.shape[1]], description.chain.upper[: fixed.shape[1]]
         room = np.minimum(fixed - lower, upper - fixed)
         inside = room.min(axis=1) >= limits.joint_margin
+        nearest = room.argmin(axis=1)
+        if description.chain.has_tip_roll and measure_roll_room(description.chain, limits.joint_margin) < 0.0:
+            # Whatever the spin, it comes too near to a limit.
+            inside[:], nearest[:] = False, description.chain.n_joints - 1
         away = np.zeros(len(solved), dtype=bool)
         away[reached & inside] = (
             estimate_dexterity(description.chain, solved[reached & inside]) >= limits.dexterity
@@ -166,8 +187,8 @@ def _solve(
         texts = np.array(
             [f"the limit of {name.split('/')[-1]}" for name in description.joint_names], dtype=object
         )
-        why = np.where(inside, "a singular posture", texts[room.argmin(axis=1)])
-        reason[near] = np.where(reached, why, "the end of its workspace")
+        why = np.where(inside, "a singular posture", texts[nearest])
+        reason[near] = np.where(reached, why, OUT_OF_REACH)
         if stands is None and not leg.is_shift:
             refusals = np.array(
                 remember_clearances(hand).refuse_contact(finger, leg.center, normals[ok]), dtype=object
@@ -188,12 +209,12 @@ def _look_around(
     reason: NDArray[np.object_],
     every: int,
 ) -> None:
-    """Take out the stations at which the finger, all others at home, comes too near to something.
+    """Take out the stations at which the finger comes too near to something, wherever the others are.
 
     One station in ``every`` is looked at and speaks for its neighbours: whatever a plan goes through is looked at again.
     """
     shifts = leg.motions[1]
-    posture = hand.q_home
+    posture, others = hand.q_home, list_others(hand, finger)
     group = np.arange(ok.shape[1]) // every
     for row in range(len(ok)):
         for g in np.unique(group[ok[row]]):
@@ -201,7 +222,7 @@ def _look_around(
             k = int(stations[len(stations) // 2])
             posture[finger] = q[row, k]
             clearance, names = hand.probe.compute_clearance(
-                posture, make_pose(p=leg.center + shifts[k]), (finger,)
+                posture, make_pose(p=leg.center + shifts[k]), (finger,), others
             )
             if clearance < hand.limits.clearance:
                 ok[row, stations] = False
@@ -211,12 +232,14 @@ def _look_around(
 def _measure_runs(
     hand: HandModel, finger: int, leg: Leg, q: Array, ok: NDArray[np.bool_], why: list[str]
 ) -> tuple[NDArray[np.intp], Array, tuple[str, ...]]:
-    """Return carry (K,), the landing spin (K,) that centres the tip's roll over the run, and what ends each run."""
+    """Return carry (K,), the landing spin (K,) that centres the tip's roll over the run, and what ends each run, or why there is
+    none.
+    """
     chain, count = hand.fingers[finger].chain, len(q)
-    room = float(chain.upper[-1] - chain.lower[-1]) - 2.0 * hand.limits.joint_margin
+    room = measure_roll_room(chain, hand.limits.joint_margin)
     middle = 0.5 * float(chain.upper[-1] + chain.lower[-1])
     rolls, sign = chain.has_tip_roll, chain.roll_sign
-    carry, spin, limit = np.zeros(count, dtype=np.intp), np.zeros(count), [""] * count
+    carry, spin, limit = np.zeros(count, dtype=np.intp), np.zeros(count), list(why)
     if not ok.any():
         return carry, read_only(spin), tuple(limit)
     # Twice around in the order in which stations are passed; a shift is passed once.
@@ -248,6 +271,12 @@ def _measure_runs(
                 spin[here] = sign * (middle - q[here, -1] - centred)
         first = last + 1
     return carry, read_only(spin), tuple(limit)
+
+
+def measure_roll_room(chain: Chain, margin: float) -> float:
+    """Return how far [rad] the last joint can turn while it keeps ``margin`` [rad] to its limits, -1 where it can be nowhere."""
+    room = float(chain.upper[-1] - chain.lower[-1]) - 2.0 * margin
+    return max(room, 0.0) if room >= -1e-9 else -1.0
 
 
 def _measure_windows(

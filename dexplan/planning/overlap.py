@@ -17,7 +17,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, follow_actions
 from dexplan.planning.plan import Action, Placement, Plan
 from dexplan.planning.regions import keeps_order
-from dexplan.planning.travel import Way, build_travel, compute_hover
+from dexplan.planning.travel import Way, build_travel, compute_hover, compute_travel_margin, refine
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
 from dexplan.scene.description import FingerDescription
 from dexplan.spatial import Array
@@ -147,7 +147,7 @@ def _look(moments: list[Surroundings], holders: tuple[Placement, ...], way: Arra
     """
     hand, finger = moments[0].hand, moments[0].finger
     chain = hand.fingers[finger].chain
-    if compute_joint_margin(chain, way).min() < 0.0:
+    if compute_joint_margin(chain, refine(way)).min() < compute_travel_margin(hand, finger):
         return -np.inf, LIMITS
     share = np.linspace(0.0, 1.0, len(moments))
     done = share**3 * (10.0 + share * (6.0 * share - 15.0))

@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.planning.roll import Roll
+from dexplan.planning.speed import PlannedSpeed
 from dexplan.spatial import Array, angles_from_direction, as_pose, as_pose7, read_only
 
 FORMAT = 1
@@ -40,6 +42,8 @@ class Placement:
     X_OF: Array
     q: Array
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         for name in ("point_O", "normal_O", "X_OF", "q"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
@@ -61,6 +65,8 @@ class GoalContact:
     finger: int
     point_O: Array
     normal_O: Array
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("point_O", "normal_O"):
@@ -107,6 +113,8 @@ class Action:
     rolls: tuple[Roll, ...] = ()
     way: Array | None = None
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_end", "axis_W"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
@@ -121,7 +129,8 @@ class Plan:
     ``turned_angle`` is the signed unwrapped turn of the goal [rad], None where the goal is an attitude without an axis.
     ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.  ``goal_contacts`` says per finger where
     it has to touch in the end, None where it has to be free; None instead of the tuple where the goal names no contacts.
-    A contact aims at ``normal_force`` [N] and may press up to ``normal_ceiling`` [N].
+    ``normal_force`` [N] is what a loaded contact aims at; no contact bears less than ``normal_floor`` or more than
+    ``normal_ceiling`` of it at full load.  ``speed`` says how fast the object turns; None where it never turns, or nobody asked.
     """
 
     status: str
@@ -137,13 +146,20 @@ class Plan:
     normal_force: float
     statistics: Mapping[str, float] = field(default_factory=dict)
     goal_contacts: tuple[GoalContact | None, ...] | None = None
+    normal_floor: float = 4.0
     normal_ceiling: float = 12.0
+    speed: PlannedSpeed | None = None
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("X_WO_start", "X_WO_goal", "axis_W"):
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, read_only(value))
+
+    def __str__(self) -> str:
+        return self.explain()
 
     @property
     def is_solved(self) -> bool:
@@ -158,6 +174,7 @@ class Plan:
             "reason": self.reason,
             "fingers": list(self.fingers),
             "normal_force_N": self.normal_force,
+            "normal_floor_N": self.normal_floor,
             "normal_ceiling_N": self.normal_ceiling,
             "start": {
                 "object_pose": _pose(self.X_WO_start),
@@ -173,6 +190,7 @@ class Plan:
                 "contacts": None if self.goal_contacts is None else self._contacts(self.goal_contacts),
             },
             "actions": [self._action(k, action) for k, action in enumerate(self.actions)],
+            "speed": None if self.speed is None else self.speed.as_dict(),
             "statistics": dict(self.statistics),
         }
 
@@ -219,9 +237,12 @@ class Plan:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write ``plan.json`` atomically."""
         target = Path(path)
-        partial = target.with_name(target.name + ".partial")
-        partial.write_text(json.dumps(self.as_dict(), indent=1) + "\n", encoding="utf-8")
-        partial.replace(target)
+        partial = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+        try:
+            partial.write_text(json.dumps(self.as_dict(), indent=1) + "\n", encoding="utf-8")
+            partial.replace(target)
+        finally:
+            partial.unlink(missing_ok=True)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Plan:
@@ -256,8 +277,8 @@ class Plan:
                 kind=a["kind"],
                 finger=None if a["finger"] is None else index[a["finger"]],
                 grasping=tuple(index[n] for n in a["grasping"]),
-                X_WO_start=_matrix(a["object_pose_start"]),
-                X_WO_end=_matrix(a["object_pose_end"]),
+                X_WO_start=as_pose(a["object_pose_start"]),
+                X_WO_end=as_pose(a["object_pose_end"]),
                 axis_W=np.array(a["rotation"]["axis_W"]),
                 angle=float(np.radians(a["rotation"]["angle_deg"])),
                 contacts_end=contacts(a["contacts_end"]),
@@ -269,7 +290,7 @@ class Plan:
                 limit=a["limit"],
                 margins=a["margins"],
                 rolls=tuple(
-                    Roll(index[r["finger"]], np.stack([_matrix(X) for X in r["X_OF"]]), r["normal_O"])
+                    Roll(index[r["finger"]], np.stack([as_pose(X) for X in r["X_OF"]]), r["normal_O"])
                     for r in a.get("rolls", ())
                 ),
                 way=None if a.get("way") is None else np.array(a["way"], dtype=np.float64),
@@ -285,15 +306,17 @@ class Plan:
             reason=data["reason"],
             fingers=tuple(names),
             goal_kind=goal["kind"],
-            X_WO_start=_matrix(data["start"]["object_pose"]),
-            X_WO_goal=_matrix(goal["object_pose"]),
+            X_WO_start=as_pose(data["start"]["object_pose"]),
+            X_WO_goal=as_pose(goal["object_pose"]),
             axis_W=None if goal["axis_W"] is None else np.array(goal["axis_W"]),
             turned_angle=None if turned is None else float(np.radians(turned)),
             start_contacts=contacts(data["start"]["contacts"]),
             actions=actions,
             normal_force=float(data["normal_force_N"]),
-            # Older files do not name the ceiling; 12 N was that of all plans.
+            # Older files do not say: these were the only ones.
+            normal_floor=float(data.get("normal_floor_N", 4.0)),
             normal_ceiling=float(data.get("normal_ceiling_N", 12.0)),
+            speed=None if data.get("speed") is None else PlannedSpeed.from_dict(data["speed"]),
             statistics=data["statistics"],
             goal_contacts=None
             if wanted is None
@@ -307,6 +330,8 @@ class Plan:
         """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
         lines = [f"status: {self.status}" + (f" ({self.reason})" if self.reason else "")]
         lines += self._goal_words()
+        if self.speed is not None:
+            lines.append(f"speed: {self.speed}")
         before = self.start_contacts
         for k, a in enumerate(self.actions):
             lines.append(f"{k + 1:3d}. {self._sentence(a, before)}")
@@ -373,7 +398,3 @@ def _pose(X: Array) -> list[float]:
     k = int(np.argmax(np.round(np.abs(quat), 6)))
     quat[k] = np.sign(quat[k]) * np.sqrt(1.0 - (np.delete(quat, k) ** 2).sum())
     return [float(x) for x in pose + 0.0]
-
-
-def _matrix(pose7: list[float]) -> Array:
-    return as_pose(pose7)

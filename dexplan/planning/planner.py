@@ -9,22 +9,24 @@ from typing import Literal
 import numpy as np
 
 from dexplan.planning.admissible import Admissibility
-from dexplan.planning.blocked import explain_no_pair
+from dexplan.planning.blocked import StartContact, explain_start_contact, may_hold_at
+from dexplan.planning.conditions import Condition
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.cost import Improvement
 from dexplan.planning.escape import ENOUGH, count_room, find_escapes
 from dexplan.planning.gaits import build_actions
-from dexplan.planning.goal import VERTICAL, RotationGoal, build_detours, build_routes
+from dexplan.planning.goal import RotationGoal, build_detours, build_routes, list_swings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held
 from dexplan.planning.legs import Leg
+from dexplan.planning.pair_survey import PairSurvey, explain_no_pair
 from dexplan.planning.plan import SOLVED, Action, Placement, Plan
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.search import CURE, GaitSearch, Node
 from dexplan.planning.spherical_wrist import solve_standing
-from dexplan.spatial import Array
+from dexplan.planning.start_pairs import explain_unreachable
 
-Start = tuple[Array | Placement | None, ...] | None
+Start = tuple[StartContact | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
 the placement with which it came to where it stands now, or None for a free finger.  None instead of the tuple where the planner
 may choose."""
@@ -36,6 +38,9 @@ ROUTE_COST = 12.0
 SPENT = 0.1
 """What every node opened on a route takes from its promise, in placements."""
 
+
+DOUBT = 24
+"""Nodes that may be opened although no pair of contacts of a grid holds the object at its goal."""
 
 START_CLOSURE = float(np.radians(1.0))
 """Angle that a pair to start from keeps to the border of the believed friction cones [rad]; pairs that are chosen keep more."""
@@ -76,6 +81,7 @@ def _answer(
         start_contacts=contacts,
         actions=actions,
         normal_force=hand.normal_force,
+        normal_floor=hand.limits.normal_floor,
         normal_ceiling=hand.limits.normal_ceiling,
         statistics=statistics,
     )
@@ -127,6 +133,9 @@ class _Planning:
     costs: list[float] = field(default_factory=list)
     is_complete: bool = False
     """Whether every route was begun, and none of the searches has anything left to try."""
+
+    refusal: str = ""
+    """Why no pair of contacts of a grid holds the object at its goal."""
 
     def __post_init__(self) -> None:
         self._admissibility = Admissibility(self.hand)
@@ -181,7 +190,11 @@ class _Planning:
     def _begin_all(self) -> Plan | None:
         """Begin with the first route, or return the refusal of goal or start."""
         if refusal := self._check_goal():
-            return self._refuse("goal_unreachable", refusal)
+            if not may_hold_at(self.hand, self.goal, self.start):
+                return self._refuse("goal_unreachable", refusal)
+            # The grid of contacts that this was asked of is fine, not endless: the start grasp may be what holds there.
+            self.refusal = refusal
+            self.node_budget = min(self.node_budget, DOUBT)
         first = GaitSearch(self.hand, build_routes(self.goal)[0], self._admissibility, self.primitives)
         self.searches.append(first)
         return self._begin_first(first)
@@ -201,6 +214,8 @@ class _Planning:
         """Return the plan that says why no way was found."""
         first = self.searches[0]
         table = first.tables[0]
+        if self.refusal:
+            return self._refuse("goal_unreachable", self.refusal)
         if self.start is not None and not table.has_pair(self._find_held(table)):
             return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
         if self.is_complete:
@@ -236,36 +251,17 @@ class _Planning:
         """Return why the object cannot be held at a shifted goal by any pair of fingers; "" if it can, or is not shifted."""
         if not np.any(self.goal.shift_W):
             return ""
-        # Held still there: any attitude will do for a ball.
-        table = ContactTable(self.hand, Leg(self.goal.X_WO_goal, VERTICAL))
-        if table.start_pairs(1):
-            return ""
-        x, y, z = 1e3 * self.goal.shift_W
-        where = (
-            f"no two fingers can hold the object at the goal, ({x:.1f}, {y:.1f}, {z:.1f}) mm from its start: "
-        )
-        if blocked := explain_no_pair(self.hand, self.goal.X_WO_goal, self._admissibility):
-            return where + blocked
-        return f"{where}it lies outside their workspaces; shorten goal.translation_m"
-
-    def _choose_swings(self) -> tuple[Array, ...]:
-        """Return horizontal axes (3,) about which the object turns easily: chords of pairs of fingers at home."""
-        if not self.goal.is_attitude:
-            return ()
-        homes, swings = self.hand.p_WF_home, []
-        for i in range(len(homes)):
-            for j in range(i + 1, len(homes)):
-                chord = (homes[j] - homes[i]) * [1.0, 1.0, 0.0]
-                if np.linalg.norm(chord) > 1e-9:
-                    swings.append(chord / np.linalg.norm(chord))
-        return tuple(swings)
+        why = explain_no_pair(self.hand, self.goal.X_WO_goal, self._admissibility)
+        where = "the goal, ({:.1f}, {:.1f}, {:.1f}) mm from its start".format(*(1e3 * self.goal.shift_W))
+        return why and f"no two fingers can hold the object at {where}: {why}; shorten goal.translation_m"
 
     def _propose(self, table: ContactTable) -> Iterator[tuple[Leg, ...]]:
         """Yield all routes but the first: those of the goal, and those on which the pair first turns to where there is room.
 
         ``table`` is that of the first route's first leg.
         """
-        straight = build_routes(self.goal, self._choose_swings())[1:]
+        swings = list_swings(self.hand.p_WF_home) if self.goal.is_attitude else ()
+        straight = build_routes(self.goal, swings)[1:]
         held = () if self.start is None else self._find_held(table)
         if len(held) != 2:
             yield from straight
@@ -301,8 +297,7 @@ class _Planning:
     def _begin(self, route: tuple[Leg, ...]) -> GaitSearch:
         search = GaitSearch(self.hand, route, self._admissibility, self.primitives)
         if self.start is None:
-            for pair, promise, load in search.tables[0].start_pairs():
-                search.begin(pair, promise, load)
+            search.begin_anywhere()
         elif held := self._find_held(search.tables[0]):
             search.begin(held)
         if self.costs:
@@ -336,30 +331,18 @@ class _Planning:
         """Begin the first route, or return the refusal of the start."""
         table = search.tables[0]
         if self.start is None:
-            pairs = table.start_pairs()
-            for pair, promise, load in pairs:
-                search.begin(pair, promise, load)
-            if pairs:
-                return None
-            return self._refuse(
-                "no_force_closure_pair",
-                f"no two fingers reach contacts {table.needed_angle()}; {self._suggest_cure('')}",
-            )
+            return None if search.begin_anywhere() else self._begin_off_the_orbits(search)
         held: list[Held] = []
         for finger, given in enumerate(self.start):
             if given is None:
                 continue
-            name, contact = self.hand.fingers[finger].name, self._contact(table, finger)
+            contact = self._contact(table, finger)
             if contact is None:
-                return self._refuse(
-                    "start_unreachable",
-                    f"{name} cannot hold its start contact: it lies outside the finger's workspace or "
-                    'against a joint limit; move the contact towards the finger, or set start.contacts_deg = "auto"',
-                )
+                return self._refuse(*explain_start_contact(self.hand, self.goal.X_WO_start, finger, given))
             if not table.allows(table.normal(contact), 0):
                 return self._refuse(
                     "start_not_allowed",
-                    f"the start contact of {name} lies outside object.allowed_regions; move it inside, "
+                    f"the start contact of {self.hand.fingers[finger].name} lies outside object.allowed_regions; move it inside, "
                     'or set start.contacts_deg = "auto"',
                 )
             held.append(contact)
@@ -367,24 +350,44 @@ class _Planning:
         for h in held:
             placed[h.finger] = table.placement(h, 0)
         self.contacts = tuple(placed)
-        refusal = search.refuse_start(tuple(held))
+        margins = search.judge_start(tuple(held))
+        refusal = margins.refusal
+        if margins.unmet is Condition.STANDING:
+            return self._refuse(
+                "blocked", f"{refusal} at the start; {margins.unmet}, or choose other start contacts"
+            )
         spare = compute_pair_angle_max(self.hand.friction) - table.pair_angle(tuple(held))
         if not refusal and len(held) == 2 and spare < START_CLOSURE:
             refusal = f"they are force closed with {np.degrees(spare):.1f} deg to spare, {np.degrees(START_CLOSURE):.1f} are kept"
         if refusal and (len(held) < 3 or table.has_pair(tuple(held))):
             # Two contacts have to hold alone; of three that do not, rolling may make two that do.
-            apart = (
-                ""
-                if table.has_pair(tuple(held))
-                else f", and two contacts alone have to be {table.needed_angle()}"
-            )
+            apart, cure = "", f"move them nearer to opposite, or {CURE}"
+            if not table.has_pair(tuple(held)):
+                apart = f", and two contacts alone have to be {table.needed_angle()}"
+            elif margins.unmet not in (None, Condition.FRICTION):
+                cure = f"choose other start contacts; what may help: {margins.unmet}"
             return self._refuse(
-                "start_inadmissible",
-                f"the start contacts do not hold the object: {refusal}{apart}; move them nearer to opposite, or {CURE}",
+                "start_inadmissible", f"the start contacts do not hold the object: {refusal}{apart}; {cure}"
             )
         if refusal:
             return self._refuse("no_admissible_pair", self._explain_pair(table, refusal))
         search.begin(tuple(held))
+        return None
+
+    def _begin_off_the_orbits(self, search: GaitSearch) -> Plan | None:
+        """Begin with a pair of a finer grid where none of the orbits' holds, or return the refusal that says why none does."""
+        if why := explain_unreachable(search.tables[0]):
+            return self._refuse("start_unreachable", why)
+        survey = PairSurvey(self.hand, self.goal.X_WO_start, self._admissibility)
+        found = survey.find_pair()
+        if found is None:
+            return self._refuse(
+                "no_force_closure_pair", f"no two fingers can hold the object: {survey.explain()}"
+            )
+        i, j, v, w = found
+        held = [search.tables[0].start_along(f, survey.get_normal(k)) for f, k in ((i, v), (j, w))]
+        if all(held):
+            search.begin(tuple(h for h in held if h is not None))
         return None
 
     def _explain_pair(self, table: ContactTable, refusal: str) -> str:

@@ -13,6 +13,7 @@ from functools import cached_property, reduce
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.contact.shapes import Sphere
 from dexplan.planning.contactable import ContactLimits, Toucher, compute_contactable
@@ -85,6 +86,8 @@ class Regions:
     X_WO: Array
     theta: float
     contactable: tuple[SphericalRegion, ...]
+
+    __repr__ = brief_repr
 
     @property
     def directions(self) -> Array:

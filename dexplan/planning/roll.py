@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from dexplan.brief import brief_repr
 from dexplan.spatial import Array, read_only
 
 
@@ -22,6 +23,8 @@ class Roll:
     finger: int
     X_OF: Array
     normal_O: Array
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("X_OF", "normal_O"):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.rolling import RollingPath, roll_turning
 from dexplan.planning.admissible import Admissibility, Margins, compute_finger_states, worst
 from dexplan.planning.following import follow_tip
@@ -21,7 +22,8 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.roll import Roll
-from dexplan.planning.travel import build_travel, compute_hover, wrap_near
+from dexplan.planning.tip_rotation import ROUNDING, describe_rotation, measure_rotation, trace_on_tip
+from dexplan.planning.travel import build_travel, compute_hover, compute_travel_margin, refine, wrap_near
 from dexplan.scene.chain import compute_joint_margin, solve_ik
 from dexplan.spatial import Array
 
@@ -47,6 +49,8 @@ class RollPlan:
     lifted: int
     margins: dict[str, float] = field(default_factory=dict)
     pair_margins: dict[str, float] = field(default_factory=dict)
+
+    __repr__ = brief_repr
 
 
 def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: float, count: int) -> Roll:
@@ -90,10 +94,14 @@ def follow_roll(hand: HandModel, X_WO: Array, roll: Roll, q_start: Array) -> tup
         q = np.vstack([q, wrap_near(solved[0], guess)])
     leans = np.flatnonzero(lean[1 : len(q)] > hand.tip_polar_limit) + 1
     stops = np.flatnonzero(compute_joint_margin(chain, q[1:]) < limits.joint_margin) + 1
-    first = min((int(rows[0]) for rows in (leans, stops) if len(rows)), default=len(q))
+    swept = measure_rotation(trace_on_tip(roll))
+    rounds = np.flatnonzero(swept[1 : len(q)] > hand.tip_rotation_limit + ROUNDING) + 1
+    first = min((int(rows[0]) for rows in (leans, stops, rounds) if len(rows)), default=len(q))
     if first in leans:
         refusal = f"{description.name} would roll {np.degrees(lean[first]):.0f} deg off its tip's pole"
         return q[:first], refusal
+    if first in rounds:
+        return q[:first], describe_rotation(hand, roll.finger, float(swept[first]))
     if first in stops:
         return q[:first], f"{description.name} comes to a joint limit while it rolls"
     if len(q) < count:
@@ -165,8 +173,10 @@ class RollToPair:
         beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
         now = float(np.arccos(np.clip(a.normal_O @ b.normal_O, -1.0, 1.0)))
         first = max(np.pi - 2.0 * beta - now, 0.0)
-        for wider in np.arange(first, min(first + WIDEST, np.pi - now), STEP):
-            if (found := self.open_pair(a, b, third, float(wider))) is not None:
+        openings = np.arange(first, min(first + WIDEST, np.pi - now), STEP).tolist()
+        # A pair that holds alone needs no opening, and exactly opposite contacts have none left.
+        for wider in openings or ([0.0] if first == 0.0 else []):
+            if (found := self.open_pair(a, b, third, wider)) is not None:
                 yield found
 
     def open_pair(self, a: Placement, b: Placement, third: Placement, wider: float) -> RollPlan | None:
@@ -266,6 +276,12 @@ class RollToPair:
         assert third is not None
         hover = compute_hover(description, self.X_WO, third.X_OF, third.normal_O, third.q, self.hand.hover)
         way = build_travel(description, description.q_home, hover, self.X_WO[:3, 3])
+        margin = float(compute_joint_margin(description.chain, refine(way)).min())
+        if margin < compute_travel_margin(self.hand, lifted):
+            return (
+                None,
+                f"{description.name} comes within {np.degrees(margin):.1f} deg of a joint limit when it leaves",
+            )
         clearance, names = self.admissibility.compute_path_clearance(q, self.X_WO, lifted, way, pair)
         if clearance < self.hand.limits.clearance:
             return None, f"{names} too near when {description.name} leaves"

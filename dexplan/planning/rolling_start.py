@@ -1,26 +1,35 @@
-"""Object manipulation from any start grasp: gaits at once where two fingers hold, rolling first where no two do [paper §1].
+"""Object manipulation from any start grasp: gaits at once where there is one, rolling first where there is none [paper §1].
 
 "If the initial grasp uses all fingers, then use rolling to obtain a FC grasp that leaves at least one finger not used in the
-grasp."
+grasp."  A pair beside which no third finger finds room, as beside exactly opposite contacts, rolls first as well.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from typing import Literal
 
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.cost import Improvement
+from dexplan.planning.ends import Beginning
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
-from dexplan.planning.plan import Plan
+from dexplan.planning.pair_roll import PairRolls, build_pair_roll_action
+from dexplan.planning.plan import Action, Plan
 from dexplan.planning.planner import FIRST, Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan, RollToPair, build_roll_actions
 
 OPTIONS = 8
-"""Ways to roll that are tried before the goal is given up."""
+"""Ways to roll three fingers that are tried before the goal is given up."""
+PAIR_OPTIONS = 4
+"""Ways to roll a pair that are tried."""
+LIFTS = 2
+"""Pairs of three fingers that hold alone, and are rolled after the third was lifted."""
+STUCK = ("no_admissible_pair", "no_gait", "budget_exhausted")
+"""Answers after which rolling may help."""
 
 
 def plan_object_manipulation(
@@ -33,25 +42,24 @@ def plan_object_manipulation(
 ) -> Plan:
     """Return a plan that takes the object to ``goal``; arguments as in :func:`plan_rotation`."""
     plan = plan_rotation(hand, goal, start, node_budget, primitives, improvement)
-    stuck = ("no_admissible_pair", "no_gait", "budget_exhausted")
-    if plan.status not in stuck or sum(c is not None for c in plan.start_contacts) < 3:
+    touching = sum(c is not None for c in plan.start_contacts)
+    if plan.status not in STUCK or touching < 2:
         return plan
-    rolling = RollToPair(hand, goal.X_WO_start, plan.start_contacts, Admissibility(hand))
+    beginnings: _Beginnings = (_FromPair if touching == 2 else _FromThree)(hand, goal, plan)
     refused: list[Plan] = []
     left = node_budget - int(plan.statistics["nodes"])
-    for number, option in enumerate(islice(rolling.options(), OPTIONS)):
+    for number, beginning in enumerate(islice(beginnings.find(), beginnings.most)):
         # One budget for all: what an option leaves is for those after it.
-        share = left // (OPTIONS - number)
+        share = left // (beginnings.most - number)
         if share < 1:
             break
-        after = tuple(None if c is None or c.finger == option.lifted else c.X_OF for c in option.contacts)
-        rest = plan_rotation(hand, goal, after, share, primitives, improvement)
+        rest = plan_rotation(hand, goal, beginning.start, share, primitives, improvement)
         left -= int(rest.statistics["nodes"])
         if rest.is_solved:
-            return _join(hand, goal, plan, option, rest)
+            return _join(plan, beginning, rest)
         refused.append(rest)
     if not refused:
-        return replace(plan, reason=f"{plan.reason}; rolling cannot make one: {rolling.explain()}")
+        return replace(plan, reason=f"{plan.reason}; {beginnings.explain()}")
     # Where a search was cut short there may be a gait after all: its words go first, and its status is the plan's.
     telling = next((r for r in refused if r.status == "budget_exhausted"), refused[0])
     status = telling.status if telling.status == "budget_exhausted" else plan.status
@@ -63,19 +71,86 @@ def plan_object_manipulation(
     )
 
 
-def _join(hand: HandModel, goal: RotationGoal, start: Plan, option: RollPlan, rest: Plan) -> Plan:
-    """Return the plan that holds, rolls, lifts the finger that is no longer needed, and goes on with ``rest``.
+class _Beginnings:
+    """What may come before the gait where ``plan`` found none from its start contacts; ``most`` of it is tried."""
 
-    Nothing rolls where a pair holds alone as it stands and lifting the third finger is all that helps.
-    """
-    still = {"X_WO_start": goal.X_WO_start, "X_WO_end": goal.X_WO_start, "axis_W": goal.axis_W, "angle": 0.0}
+    most = 0
+
+    def __init__(self, hand: HandModel, goal: RotationGoal, plan: Plan) -> None:
+        self.hand, self.goal, self.plan = hand, goal, plan
+
+    def find(self) -> Iterator[Beginning]:
+        """Yield beginnings, the most promising first."""
+        raise NotImplementedError
+
+    def explain(self) -> str:
+        """Return why there was none."""
+        raise NotImplementedError
+
+
+class _FromPair(_Beginnings):
+    """Two fingers hold and roll until a third finds room."""
+
+    most = PAIR_OPTIONS
+
+    def find(self) -> Iterator[Beginning]:
+        self._rolls = PairRolls(self.hand, self.goal, self.plan.start_contacts, Admissibility(self.hand))
+        for option in self._rolls.options():
+            yield Beginning((build_pair_roll_action(self.hand, self.goal, option),), option.contacts)
+
+    def explain(self) -> str:
+        return f"rolling first does not help: {self._rolls.explain()}"
+
+
+class _FromThree(_Beginnings):
+    """Three fingers hold; a pair of them rolls until it holds alone, or does so already, and the third is lifted."""
+
+    most = OPTIONS
+
+    def find(self) -> Iterator[Beginning]:
+        hand, goal, contacts = self.hand, self.goal, self.plan.start_contacts
+        self._rolls = RollToPair(hand, goal.X_WO_start, contacts, Admissibility(hand))
+        lifts: list[Beginning] = []
+        for option in self._rolls.options():
+            after = tuple(None if c is None or c.finger == option.lifted else c.X_OF for c in option.contacts)
+            beginning = Beginning(self._build_actions(option), after)
+            if not option.rolls:
+                lifts.append(beginning)
+            yield beginning
+        # Where a pair that holds alone leaves no finger room, it may roll once the third is gone.
+        for lift in lifts[:LIFTS]:
+            pair = tuple(
+                c if after is not None else None for c, after in zip(contacts, lift.start or (), strict=True)
+            )
+            rolls = PairRolls(hand, goal, pair, Admissibility(hand))
+            for turned in islice(rolls.options(), PAIR_OPTIONS):
+                roll = build_pair_roll_action(hand, goal, turned)
+                yield Beginning((*lift.actions, roll), turned.contacts)
+
+    def explain(self) -> str:
+        return f"rolling cannot make one: {self._rolls.explain()}"
+
+    def _build_actions(self, option: RollPlan) -> tuple[Action, ...]:
+        """Return the roll and the lift; nothing rolls where a pair holds alone as it stands and lifting is all that helps."""
+        roll, lift = build_roll_actions(option, self.hand, self.goal.X_WO_start, self.goal.axis_W)
+        if self.plan.status != "no_admissible_pair":
+            roll = replace(
+                roll, why="no gait was found from the start contacts; rolled, they make a grasp with one"
+            )
+            i, j = (self.hand.fingers[f].name for f in option.pair)
+            lift = replace(lift, why=f"{i} and {j} hold alone, and a gait begins with them")
+        return (roll, lift) if option.rolls else (lift,)
+
+
+def _join(start: Plan, beginning: Beginning, rest: Plan) -> Plan:
+    """Return the plan that holds with the contacts of ``start``, begins as said, and goes on with ``rest``."""
+    still = {
+        "X_WO_start": start.X_WO_start,
+        "X_WO_end": start.X_WO_start,
+        "axis_W": start.axis_W,
+        "angle": 0.0,
+    }
     hold = build_hold(list(start.start_contacts), still, "let the grasp settle")
-    roll, lift = build_roll_actions(option, hand, goal.X_WO_start, goal.axis_W)
-    if start.status != "no_admissible_pair":
-        roll = replace(
-            roll, why="no gait was found from the start contacts; rolled, they make a grasp with one"
-        )
-        i, j = (hand.fingers[f].name for f in option.pair)
-        lift = replace(lift, why=f"{i} and {j} hold alone, and a gait begins with them")
-    first = (hold, roll, lift) if option.rolls else (hold, lift)
-    return replace(rest, start_contacts=start.start_contacts, actions=(*first, *rest.actions[1:]))
+    return replace(
+        rest, start_contacts=start.start_contacts, actions=(hold, *beginning.actions, *rest.actions[1:])
+    )

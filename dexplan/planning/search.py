@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dexplan.planning.admissible import Admissibility, worst
+from dexplan.planning.admissible import Admissibility, Margins, worst
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.cost import CostWeights, compute_cost
 from dexplan.planning.gaits import Step
@@ -23,6 +23,7 @@ from dexplan.planning.held import Held, Landfall
 from dexplan.planning.legs import Leg
 from dexplan.planning.nodes import Node, build_steps, trace_back
 from dexplan.planning.ranking import Ranking
+from dexplan.planning.start_pairs import find_start_pairs
 from dexplan.planning.states import DETOUR_COST, StateChecks, without_numbers
 
 TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)
@@ -93,9 +94,16 @@ class GaitSearch:
         common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
         return "; ".join(text for text, _ in common) or "no placement holds with a finger that holds already"
 
-    def refuse_start(self, held: tuple[Held, ...]) -> str:
-        """Return why the first grasp cannot hold the object, "" if it can."""
-        return self._checks[0].judge(held).refusal
+    def judge_start(self, held: tuple[Held, ...]) -> Margins:
+        """Return the margins of the first grasp."""
+        return self._checks[0].judge(held)
+
+    def begin_anywhere(self) -> int:
+        """Add pairs to start from where the problem leaves it to the planner; return how many."""
+        pairs = find_start_pairs(self.tables[0], lambda held: not self._checks[0].refuse(held))
+        for pair in pairs:
+            self.begin(pair.held, pair.promise, pair.load)
+        return len(pairs)
 
     def begin(self, held: tuple[Held, ...], promise: int | None = None, load: float = 0.5) -> None:
         """Add a grasp to start from."""

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.planning.icosphere import Arcs, Icosphere, build_icosphere, compute_distance_field, measure_angle
 from dexplan.spatial import Array, build_frame, read_only
 
@@ -37,6 +38,8 @@ class LevelSet:
     grid: Icosphere
     values: Array
     exact: Margin
+
+    __repr__ = brief_repr
 
     @cached_property
     def arcs(self) -> Arcs | None:
@@ -121,6 +124,8 @@ class SphericalRegion:
     level: LevelSet
     R_GO: Array
     name: str = ""
+
+    __repr__ = brief_repr
 
     # -- set algebra -----------------------------------------------------------------------------------------------------
 

@@ -16,16 +16,27 @@ from dexplan.planning.adjustment_search import AdjustmentSearch
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
 from dexplan.planning.cost import Improvement, compute_actions_cost
-from dexplan.planning.ends import Beginning, End, Ends, choose_beginnings
+from dexplan.planning.ends import BUDGETS, Beginning, End, Ends, choose_beginnings
 from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, explain_separation, suggest_cure
 from dexplan.planning.goal_side import GoalSide
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions
+from dexplan.planning.passes import (
+    NOT_BEGUN,
+    Outcome,
+    Pass,
+    Passes,
+    Stop,
+    choose_rests,
+    explain_giving_up,
+    scale_work,
+)
 from dexplan.planning.plan import SOLVED, Action, GoalContact, Placement, Plan
 from dexplan.planning.planner import FIRST, Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.still import StillContacts, build_landings
+from dexplan.planning.tip_rotation import refuse_rotation
 from dexplan.spatial import Array
 
 SEARCH_BUDGET = 160
@@ -34,22 +45,14 @@ GAIT_WORK = 6
 """A node of the gait before it takes so many times as long."""
 AGAIN = 30
 """At least so much work counts when better plans are looked for as long again."""
-Passes = tuple[tuple[int, int], ...]
-"""What is tried with every way in turn: which of the ``REST_ANGLES``, and from how many ends of gaits."""
-PASSES: Passes = ((0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (0, 4))
-"""Every way gets one end of a gait, and some of the object's turn, before any gets a second end."""
-NO_MORE = "the search was given up before it"
 SIDE_WORK, ROLLED_SIDE_WORK = 10, 30
 """A look at the goal's side takes as long as so many nodes; rolling a goal grasp apart takes longer."""
-END_WORK, MORE_WORK = 3000, 120
-"""Work that looking for the first end of a gait may take, and for one more."""
+MORE_WORK = 120
+"""Work that looking for one more end of a gait may take."""
 ENDS = 4
 """Ends of gaits from which an adjustment is tried."""
-REST_ANGLES = tuple(np.radians((0.0, 40.0, 80.0)).tolist())
-"""So much of the object's turn [rad] is left to that search, in the order in which it is tried: enough for fingers to find room
-on the way, and little enough for the search to stay small."""
-REST_SHIFT = 0.25
-"""So much of a shift [m] counts as a turn by one radian there."""
+
+_CANNOT_CARRY = "the goal grasp cannot carry the object to the goal: "
 
 
 @dataclass(eq=False)
@@ -60,22 +63,8 @@ class _Attempt:
     ends: Ends
     asked: int = 0
     begun: list[End] = field(default_factory=list)
-    refused: str = ""
+    refused: Outcome = NOT_BEGUN
     is_over: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """The actions and start contacts of the way by its ``number``; none, and ``why``, where none led to the goal.
-
-    ``tried`` counts the ways that were begun.
-    """
-
-    actions: tuple[Action, ...]
-    start: Contacts
-    why: str
-    number: int | None
-    tried: int
 
 
 @dataclass(eq=False)
@@ -139,13 +128,15 @@ class Stages:
         stand = tuple(None if c is None else still.add(c) for c in contacts)
         return still.judge(stand).refusal
 
-    def explain_end(self, why: str, tried: str = "") -> str:
-        """Return ``why``, what was ``tried``, and what would help.
+    def explain_end(self, done: Outcome, tried: str = "") -> str:
+        """Return why ``done`` came to no goal, what was ``tried``, and what would help.
 
-        Where everything was tried from the start grasp, friction is what was short.
+        Where everything was tried from the start grasp, friction is what was short.  A search that gave up has shown nothing.
         """
-        cure = suggest_cure(why)
-        why += f" ({tried})" if tried else ""
+        if done.gave_up:
+            return explain_giving_up(done, self.opened, tried, self.node_budget)
+        where = f" ({tried})" if tried else ""
+        why, cure = f"{done.why}{where}", suggest_cure(done.why)
         if not self.exhausted:
             return f"{why}; {cure}"
         return (
@@ -162,44 +153,48 @@ class Stages:
         is_simultaneous: bool = False,
         budget: int = SEARCH_BUDGET,
         limit: float = np.inf,
-        rests: tuple[float, ...] | None = None,
-        ends: int = ENDS,
+        part: Pass | None = None,
         dearest: float = np.inf,
-    ) -> tuple[tuple[Action, ...], Contacts, str]:
+    ) -> Outcome:
         """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
         ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
-        ``budget`` bounds the nodes of every search, ``limit`` the work done before one is begun; ``rests`` are the shares of
-        ``before`` that are left to it, by default those of :func:`choose_rests`; ``ends``: from so many ends of gaits it is
-        tried.  Asked again for the same way with more of them, it goes on where it stopped.  ``dearest``: what costs as much for
-        sure is left out.
-        Returns the actions (none where it fails), the start contacts, and why it fails.
+        ``budget`` bounds the nodes of every search, ``limit`` the work done before one is begun; ``part`` says which share of
+        ``before`` is left to the search and how much is tried, by default all shares, one after another.  Asked again for the
+        same way with more, it goes on where it stopped.  ``dearest``: what costs as much for sure is left out.
         """
         X_WO = after.X_WO_start
         goal, missing = self.land_goal(X_WO)
         if missing:
-            return (), (), f"{missing} cannot reach the goal contact where the grasp would be adjusted"
+            why = f"{missing} cannot reach the goal contact where the grasp would be adjusted"
+            return Outcome(why=why, stop=Stop.GOAL_GRASP)
         goal = tuple(None if c is None else center_spin(self.hand, c, after) for c in goal)
         if refusal := self.refuse_goal(X_WO, goal):
-            return (), (), f"the goal grasp does not hold where it would be made: {refusal}"
+            return Outcome(
+                why=f"the goal grasp does not hold where it would be made: {refusal}", stop=Stop.GOAL_GRASP
+            )
         if not after.is_still:
             _, refusal = plan_coordinated(self.hand, self.admissibility, goal, after, "")
             if refusal:
-                return (), (), f"the goal grasp cannot carry the object to the goal: {refusal}"
+                return Outcome(why=_CANNOT_CARRY + refusal, stop=Stop.GOAL_GRASP)
         side = self._approach(X_WO, goal)
         if side.refusal and not before.is_still:
-            return (), (), f"there is no way into the goal grasp where it would be made: {side.refusal}"
-        why = ""
-        for rest in choose_rests(before) if rests is None else rests:
+            # Rolls are tried in a few steps only: that none of them did is no proof.
+            why = f"there is no way into the goal grasp where it would be made: {side.refusal}"
+            return Outcome(why=why, stop=Stop.ENTRY, gave_up=side.is_rolled)
+        shares, refused = choose_rests(before), list[Outcome]()
+        for k in range(len(shares)) if part is None else (part.rest,):
             if self.work >= limit:
+                refused.append(NOT_BEGUN)
                 break
-            actions, start, refused = self._adjust(
-                side, before, rest, after, is_attitude, is_simultaneous, budget, limit, ends, dearest
+            asked = Pass(k, ENDS, len(BUDGETS) - 1) if part is None else part
+            found = self._adjust(
+                side, before, shares[k], after, is_attitude, is_simultaneous, budget, limit, asked, dearest
             )
-            if not refused:
-                return actions, start, ""
-            why = why or refused
-        return (), (), why or NO_MORE
+            if found.is_found:
+                return found
+            refused.append(found)
+        return replace(refused[0], gave_up=any(r.gave_up for r in refused))
 
     def run_all(
         self,
@@ -212,36 +207,51 @@ class Stages:
     ) -> Outcome:
         """Plan one of ``ways``, each as for :meth:`run`, that comes to the goal: little is tried with all, then more.
 
-        ``passes`` say how much; no way is begun after so much ``work``.  Once one has come there, ways that might cost less are
-        tried for as long again as ``improvement`` says; ``is_early``: none that comes later in ``ways`` than the one found.
+        ``passes`` say how much; no way is begun after so much ``work``, more with a larger budget of nodes.  Once one has come
+        there, ways that might cost less are tried for as long again as ``improvement`` says; ``is_early``: none that comes later
+        in ``ways`` than the one found.
         """
-        why, tried, begun = "", set[int](), self.work
-        limit, cheapest, best = begun + work, np.inf, None
-        for k, ends in passes:
+        begun, best, cheapest = self.work, None, np.inf
+        limit = float(begun + scale_work(work, self.node_budget))
+        rests = {k for k, _, _ in passes}
+        refused: dict[tuple[int, int], Outcome] = {
+            (number, k): NOT_BEGUN
+            for number, (before, _) in enumerate(ways)
+            for k in range(len(choose_rests(before)))
+            if k in rests
+        }
+        for part in passes:
             for number, (before, after) in enumerate(ways):
-                rests = choose_rests(before)[k : k + 1]
-                if self.work >= limit or not rests or (is_early and best and number > (best.number or 0)):
+                key = number, part.rest
+                is_open = key in refused and refused[key].gave_up
+                if self.work >= limit or not is_open or (is_early and best and number > (best.number or 0)):
                     continue
-                tried.add(number)
-                actions, first, refused = self.run(
+                found = self.run(
                     before,
                     after,
                     is_attitude=is_attitude,
                     is_simultaneous=is_simultaneous,
                     limit=limit,
-                    rests=rests,
-                    ends=ends,
+                    part=part,
                     dearest=cheapest,
                 )
-                if refused:
-                    why = min((why, refused) if why else (refused,), key=_rank_refusal)
+                if not found.is_found:
+                    refused[key] = found
                     continue
                 if best is None:
                     more = self.improvement.share * max(self.work - begun, AGAIN)
                     limit = min(limit, int(self.work + more))
-                if (cost := compute_actions_cost(self.improvement.weights, actions)) < cheapest:
-                    cheapest, best = cost, Outcome(actions, first, "", number, len(tried))
-        return best or Outcome((), (), why or NO_MORE, None, len(tried))
+                if (cost := compute_actions_cost(self.improvement.weights, found.actions)) < cheapest:
+                    cheapest, best = cost, replace(found, number=number)
+        if best is not None:
+            return best
+        farthest = min(refused.values(), key=lambda r: r.stop, default=NOT_BEGUN)
+        return replace(
+            farthest,
+            gave_up=any(r.gave_up for r in refused.values()),
+            tried=len({number for (number, _), r in refused.items() if r is not NOT_BEGUN}),
+            ran_out=self.work >= limit,
+        )
 
     def _adjust(
         self,
@@ -253,9 +263,9 @@ class Stages:
         is_simultaneous: bool,
         budget: int,
         limit: float,
-        ends: int,
+        part: Pass,
         dearest: float,
-    ) -> tuple[tuple[Action, ...], Contacts, str]:
+    ) -> Outcome:
         """Plan one way as in :meth:`run`, the last share ``rest`` of ``before`` left to the search that adjusts the grasp.
 
         A gait's first end is tried alone; further ends are asked for while the search does not come to the goal grasp.
@@ -268,8 +278,13 @@ class Stages:
             self._attempts[key] = _Attempt(search, self._gait(before, rest, is_attitude))
         attempt = self._attempts[key]
         search, begun = attempt.search, attempt.begun
-        while attempt.asked < ends and not attempt.is_over and self.work < limit:
-            end = self._ask(attempt.ends, attempt.asked, limit)
+        while attempt.asked < part.ends and not attempt.is_over and self.work < limit:
+            end = self._ask(attempt.ends, attempt.asked, limit, part.depth)
+            if end is None and not begun:
+                attempt.is_over = attempt.ends.is_over
+                cut = attempt.ends.is_cut or not attempt.is_over
+                attempt.refused = Outcome(why=attempt.ends.why, stop=Stop.GAIT, gave_up=cut)
+                break
             attempt.asked += 1
             found = None
             if end is not None:
@@ -277,9 +292,6 @@ class Stages:
                     continue
                 begun.append(end)
                 found = search.begin(end.contacts)
-            elif not begun:
-                attempt.is_over, attempt.refused = True, attempt.ends.why
-                break
             if found is None:
                 # What the ends that there are not leave is for those that there are.
                 found = search.run(budget if end is None else search.opened + budget // ENDS)
@@ -288,12 +300,17 @@ class Stages:
                 end = begun[search.chosen]
                 moves = build_move_actions(found.moves, end.contacts, after.axis_W)
                 last, refused = self._finish(follow_actions(self.hand, end.contacts, moves), after)
-                return ((), (), refused) if refused else ((*end.actions, *moves, *last), end.start, "")
-            attempt.refused = f"no way from the grasp there to the goal grasp: {found.reason}"
+                if refused := refused or refuse_rotation(self.hand, (*end.actions, *moves)):
+                    return Outcome(why=refused, stop=Stop.GOAL_GRASP, gave_up=True)
+                return Outcome((*end.actions, *moves, *last), end.start)
             attempt.is_over = end is None
-            if attempt.is_over and found.is_exhausted and not begun[0].actions and not side.refusal:
+            is_whole = attempt.is_over and found.is_exhausted and not begun[0].actions
+            why = f"no way from the grasp there to the goal grasp: {found.reason}"
+            # Other ends of gaits, and other rolls into the goal grasp, might lead there.
+            attempt.refused = Outcome(why=why, gave_up=not is_whole or side.is_rolled)
+            if is_whole and not side.refusal:
                 self.exhausted += 1
-        return (), (), attempt.refused or NO_MORE
+        return attempt.refused
 
     def _bound(self, search: AdjustmentSearch, end: End) -> float:
         """Return what a plan that goes on from an end of a gait costs at least."""
@@ -303,11 +320,11 @@ class Stages:
         ahead = weights.placement * np.ceil(0.5 * moves) + weights.turn * abs(search.layers.motion.angle)
         return float(compute_actions_cost(weights, end.actions) + ahead)
 
-    def _ask(self, ends: Ends, number: int, limit: float) -> End | None:
+    def _ask(self, ends: Ends, number: int, limit: float, depth: int) -> End | None:
         """Return an end by its number, None where there is none; counts the work."""
         before = ends.opened
-        most = MORE_WORK if number else END_WORK
-        end = ends.get(number, int(min(limit - self.work, most)) // GAIT_WORK)
+        most = min(limit - self.work, MORE_WORK if number else GAIT_WORK * sum(BUDGETS))
+        end = ends.get(number, max(1, int(most) // GAIT_WORK), depth)
         self._count(ends.opened - before, GAIT_WORK)
         return end
 
@@ -349,24 +366,13 @@ class Stages:
         why = "coordinated manipulation with the goal grasp reaches the goal"
         action, refusal = plan_coordinated(self.hand, self.admissibility, contacts, after, why)
         if action is None:
-            return (), f"the goal grasp cannot carry the object to the goal: {refusal}"
+            return (), _CANNOT_CARRY + refusal
         return (action,), ""
 
     def build_plan(self, kind: str, goal: RotationGoal, actions: tuple[Action, ...], start: Contacts) -> Plan:
         """Return the plan made of ``actions``."""
-        return replace(
-            self.hold,
-            status=SOLVED,
-            reason="",
-            goal_kind=kind,
-            goal_contacts=self._goal_contacts,
-            X_WO_goal=goal.X_WO_goal,
-            axis_W=goal.axis_W,
-            turned_angle=None if goal.is_attitude else goal.angle,
-            start_contacts=start,
-            actions=enclose(actions, start, self.X_WO, goal.axis_W),
-            statistics={"nodes": self.opened},
-        )
+        whole = enclose(actions, start, self.X_WO, goal.axis_W)
+        return replace(self.refuse(kind, goal, SOLVED, ""), start_contacts=start, actions=whole)
 
     def refuse(self, kind: str, goal: RotationGoal, status: str, reason: str) -> Plan:
         """Return the plan that says why there is none."""
@@ -382,18 +388,3 @@ class Stages:
             actions=(),
             statistics={"nodes": self.opened},
         )
-
-
-def _rank_refusal(why: str) -> int:
-    """Return how far a way came that was refused for this reason, the farthest first."""
-    stops = ("no way from", "there is no way into", "the object cannot be brought", "the goal grasp")
-    return next((k for k, stop in enumerate(stops) if why.startswith(stop)), len(stops))
-
-
-def choose_rests(motion: ObjectMotion) -> tuple[float, ...]:
-    """Return the shares of a motion that are left to the search that adjusts the grasp; gaits do what comes before."""
-    if motion.is_still:
-        return (0.0,)
-    size = max(abs(motion.angle), float(np.linalg.norm(motion.shift_W)) / REST_SHIFT)
-    shares = [min(1.0, angle / size) for angle in REST_ANGLES]
-    return tuple(dict.fromkeys(shares))

@@ -211,10 +211,7 @@ class StillContacts:
             arc = self._arcs[spot]
             touching = tuple(f for f, s in enumerate(stand) if s is not None)
             around = Surroundings(self.hand, self.postures(stand), self.X_WO, placement.finger, touching)
-            if compute_joint_margin(finger.chain, arc).min() < 0.0:
-                way = Way(arc, -np.inf, f"{finger.name} and a joint limit")
-            else:
-                way = find_way(around, arc, self._detours < DETOURS)
-                self._detours += way.clearance < self.hand.limits.clearance
+            way = find_way(around, arc, self._detours < DETOURS)
+            self._detours += way.clearance < self.hand.limits.clearance
             self._ways[key] = way
         return self._ways[key]

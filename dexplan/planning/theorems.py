@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from dexplan.brief import brief_repr
 from dexplan.planning.icosphere import measure_angle
 from dexplan.planning.regions import Regions
 from dexplan.planning.spherical import SphericalRegion
@@ -40,6 +41,8 @@ class GaitCondition:
     reason: str
     keeper: int | None = None
     witness_O: Array | None = None
+
+    __repr__ = brief_repr
 
 
 def check_theorem_1(
@@ -98,6 +101,8 @@ class RewindCondition:
     reason: str
     x_O: Array | None = None
     y_O: Array | None = None
+
+    __repr__ = brief_repr
 
 
 _MAYBE = "; the condition is sufficient only, rewinds may exist all the same"
@@ -188,6 +193,8 @@ class RewindAlong:
     margin: Array
     reason: str
     first: int | None = None
+
+    __repr__ = brief_repr
 
 
 def check_rewind_along(

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from dexplan.planning.detour import Surroundings, bow_arc, find_detour
+from dexplan.brief import brief_repr
+from dexplan.planning.detour import Surroundings, bow_arc, find_detour, interpolate
+from dexplan.planning.hand import HandModel
 from dexplan.planning.spherical_wrist import solve_near
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
 from dexplan.scene.description import FingerDescription
@@ -18,6 +20,8 @@ from dexplan.spatial import Array, read_only
 
 SAMPLES = 17
 """Postures along one path."""
+BETWEEN = 4
+"""Postures looked at for each posture of a way: the controller goes through them along a spline."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +36,8 @@ class Way:
     names: str
     around: str = ""
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "postures", read_only(self.postures))
 
@@ -39,9 +45,16 @@ class Way:
 def find_way(around: Surroundings, arc: Array, looks_around: bool = True) -> Way:
     """Return the ``arc`` (K, J) where it is clear in the surroundings, else the arc bowed, else a detour between its ends.
 
-    Where there is no detour, or with ``looks_around`` False, it is the arc again, with too little clearance and who blocks it.
+    Clear means: clear of all bodies, and of the finger's own joint limits, just as the controller goes through the arc.  Where
+    there is no detour, or with ``looks_around`` False, it is the arc again, with too little clearance and who blocks it.
     """
+    finger = around.hand.fingers[around.finger]
+    needed = compute_travel_margin(around.hand, around.finger)
+    if compute_joint_margin(finger.chain, arc[[0, -1]]).min() < needed:
+        return Way(arc, -np.inf, f"{finger.name} and a joint limit")
     clearance, names = around.compute_way_clearance(arc)
+    if compute_joint_margin(finger.chain, refine(arc)).min() < needed:
+        clearance, names = -np.inf, f"{finger.name} and a joint limit"
     if clearance >= around.hand.limits.clearance:
         return Way(arc, clearance, names)
     if (bowed := bow_arc(around, arc)) is not None and bowed.way is not None:
@@ -52,6 +65,17 @@ def find_way(around: Surroundings, arc: Array, looks_around: bool = True) -> Way
     if found.way is None:
         return Way(arc, *min((clearance, names), (found.clearance, found.names)))
     return Way(found.way, found.clearance, found.names, names)
+
+
+def compute_travel_margin(hand: HandModel, finger: int) -> float:
+    """Return how far [rad] a free finger's joints stay off their limits; what home has, where that is less."""
+    who = hand.fingers[finger]
+    return min(hand.limits.travel_margin, float(compute_joint_margin(who.chain, who.q_home)))
+
+
+def refine(way: Array) -> Array:
+    """Return the postures (N, J) of a way (K, J) as the controller goes through them, ``BETWEEN`` for each that is given."""
+    return interpolate(way, np.linspace(0.0, 1.0, BETWEEN * (len(way) - 1) + 1))
 
 
 def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center: Array) -> Array:

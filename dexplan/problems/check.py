@@ -13,25 +13,21 @@ from collections.abc import Iterator
 from typing import Any
 
 from dexplan.errors import ProblemError
+from dexplan.problems.derived import as_name, compute_largest_torsion
 from dexplan.problems.problem import ContactPoint, ContactSpec, Problem
 from dexplan.problems.rules import (
     AZIMUTH,
     BOUNDS,
     ELEVATION,
-    JOINT_ANGLE,
     JOINT_PATTERN,
     NAME_PATTERN,
     OBSTACLE_SIZES,
     SCENES,
     describe_accepted,
+    load_joint_ranges,
     spell,
     suggest,
 )
-
-PATCH_PER_TIP = 0.3
-"""``torsional_m`` may be at most this times sliding times tip radius: a patch about half as wide as the tip
-[Hertz].
-"""
 
 SURFACE_TOLERANCE = 0.01
 """A ``point_m`` contact may miss the object's surface by this part of its radius."""
@@ -57,9 +53,8 @@ def check_problem(problem: Problem, source: str) -> None:
 
 def _check_names(problem: Problem, source: str) -> None:
     if not NAME_PATTERN.fullmatch(problem.name):
-        raise ProblemError(
-            source, "name", f"{spell(problem.name)} is no name for a folder", describe_accepted("name")
-        )
+        accepted = f"{describe_accepted('name')}, such as {spell(as_name(problem.name))}"
+        raise ProblemError(source, "name", f"{spell(problem.name)} is no name for a folder", accepted)
     if not (problem.summary.isprintable() and len(problem.summary) <= 200):
         raise ProblemError(
             source, "summary", f"{spell(problem.summary)} is no summary", describe_accepted("summary")
@@ -107,13 +102,21 @@ def _check_hand(problem: Problem, source: str) -> None:
             )
     for name, (lowest, highest) in hand.joint_ranges_deg.items():
         key = f"hand.joint_ranges_deg.{name}"
-        match = JOINT_PATTERN.fullmatch(name)
-        if match is None or int(match[1]) > hand.finger_count:
-            accepted = f'accepted: "finger_<i>.joint_<k>" with i from 1 to {hand.finger_count}'
+        match, known = JOINT_PATTERN.fullmatch(name), load_joint_ranges()
+        if match is None or int(match[1]) > hand.finger_count or match[2] not in known:
+            accepted = (
+                f'accepted: "finger_<i>.<joint>" with i from 1 to {hand.finger_count}, and {", ".join(known)}'
+            )
             raise ProblemError(source, key, f"{spell(name)} is no joint of {problem.scene}", accepted)
-        if not (JOINT_ANGLE.accepts(lowest) and JOINT_ANGLE.accepts(highest) and lowest < highest):
-            accepted = "accepted: [lowest, highest] in degrees, lowest below highest, both from -360 to 360"
+        least, most = known[match[2]]
+        accepted = (
+            f"accepted: [lowest, highest] in degrees, lowest below highest, both from {least:g} to {most:g}"
+        )
+        if not lowest < highest:
             raise ProblemError(source, key, f"{spell([lowest, highest])} is no range", accepted)
+        if lowest < least or highest > most:
+            fact = f"{spell([lowest, highest])} is wider than the joint of the model, and ranges are only narrowed"
+            raise ProblemError(source, key, fact, accepted)
 
 
 def _check_friction(problem: Problem, source: str) -> None:
@@ -121,7 +124,7 @@ def _check_friction(problem: Problem, source: str) -> None:
     16) mu a.
     """
     friction, tip = problem.friction, min(problem.hand.tip_radii_m)
-    highest = PATCH_PER_TIP * friction.sliding * tip
+    highest = compute_largest_torsion(friction.sliding, tip)
     if friction.torsional_m > highest * (1.0 + 1e-12):
         patch_mm = 1e3 * friction.torsional_m / (3.0 * math.pi / 16.0 * friction.sliding)
         patch = f"a contact patch of radius {patch_mm:.1f} mm on a tip of {1e3 * tip:g} mm"

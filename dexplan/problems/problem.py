@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import tomli_w
 
+from dexplan.brief import brief_repr
 from dexplan.spatial import Array, direction_from_angles, read_only
 
 FORMAT = 1
@@ -77,6 +78,8 @@ class ObjectSection:
     allowed_regions: tuple[AllowedRegion, ...] = ()
     """Contacts may only be made inside one of these cones; none means anywhere."""
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True)
 class HandSection:
@@ -90,7 +93,9 @@ class HandSection:
     base_azimuths_deg: tuple[float, ...] = (0.0, 120.0, 240.0)
     """Where each finger stands around the object's home, about world z from x."""
     joint_ranges_deg: Mapping[str, tuple[float, float]] = field(default_factory=FrozenMap)
-    """"finger_1.joint_1" -> (lowest, highest): narrows a range of the model, never widens it."""
+    """"finger_1.joint_1" -> (lowest, highest) [deg]: narrows a range of the model, never widens it."""
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint_ranges_deg", FrozenMap(self.joint_ranges_deg))
@@ -109,6 +114,7 @@ class FrictionSection:
 
     sliding: float = 0.55
     torsional_m: float = 0.0025
+    """A file that leaves it out gets this, or as much as the smallest tip can have at this ``sliding`` if that is less."""
     safety: float = 1.3
     """Planner and force QP believe ``sliding / safety`` and ``torsional_m / safety``."""
 
@@ -130,6 +136,8 @@ class StartSection:
     """
 
     contacts_deg: tuple[ContactSpec, ...] | Literal["auto"] = "auto"
+
+    __repr__ = brief_repr
 
     @property
     def is_auto(self) -> bool:
@@ -154,6 +162,7 @@ class GoalSection:
     """
 
     kind: Literal["object_manipulation", "grasp_adjustment", "dextrous_manipulation"] = "object_manipulation"
+    """A file that leaves it out gets what the other keys ask for: a motion, contacts, or both."""
     rotation: Rotation | None = None
     orientation_wxyz: tuple[float, float, float, float] | None = None
     translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -162,6 +171,8 @@ class GoalSection:
     """Which comes first in a dextrous manipulation: the paper's (a), (b), (c)."""
     keep_object: bool = False
     """Grasp adjustment only: whether the object has to be back where it was at the end."""
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)
@@ -185,6 +196,8 @@ class GaitSection:
     weights: WeightsSection = WeightsSection()
     """What a plan costs."""
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True)
 class Obstacle:
@@ -195,6 +208,8 @@ class Obstacle:
     kind: Literal["box", "sphere", "capsule"]
     pos_m: tuple[float, float, float]
     size_m: tuple[float, ...]
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)
@@ -230,8 +245,13 @@ class Problem:
     control: ControlSection = field(default_factory=ControlSection)
     acceptance: Mapping[str, bool | float] = field(default_factory=FrozenMap)
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "acceptance", FrozenMap(self.acceptance))
+
+    def __str__(self) -> str:
+        return self.as_toml().rstrip("\n")
 
     def as_dict(self) -> dict[str, Any]:
         """Return the problem as the plain dict that its TOML file holds, ``format`` and every default
@@ -239,13 +259,17 @@ class Problem:
         """
         return {"format": FORMAT, **_as_plain(self)}
 
+    def as_toml(self) -> str:
+        """Return the text of the problem's TOML file."""
+        return tomli_w.dumps(self.as_dict())
+
     def save(self, path: str | Path) -> Path:
         """Write the problem as TOML, whole or not at all; floats keep every bit.  Returns the path."""
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         try:
-            temporary.write_bytes(tomli_w.dumps(self.as_dict()).encode())
+            temporary.write_bytes(self.as_toml().encode())
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)

@@ -21,17 +21,28 @@ import numpy as np
 
 from dexplan.errors import ProblemError, UnknownNameError
 from dexplan.problems.check import check_problem
+from dexplan.problems.derived import as_name, fill_derived, forget_derived
 from dexplan.problems.override import apply_override, set_override
 from dexplan.problems.problem import FORMAT, Problem
 from dexplan.problems.rules import describe_accepted, load_limits, spell, suggest
+from dexplan.sim.limits import explain_refusal
 
-__all__ = ["build_problem", "list_problems", "load_problem", "read_problem_file", "set_override"]
+__all__ = [
+    "build_problem",
+    "find_source",
+    "list_problems",
+    "load_problem",
+    "read_problem_file",
+    "set_override",
+]
 
 LARGEST_FILE = 1 << 20
 """A problem file is a page of text; more than this many bytes is something else."""
 
 RANDOM = "random"
 """A goal attitude that is drawn from the problem's seed."""
+
+LONGEST_COMPLAINT = 160
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -49,7 +60,16 @@ def load_problem(name_or_path: str | Path, overrides: Mapping[str, object] = {})
     path = Path(name)
     if path.suffix != ".toml" and len(path.parts) == 1 and not _exists(path):
         raise UnknownNameError("problem", name, [*built_in, "a path to a .toml file"])
+    if path.suffix == ".toml" and len(path.parts) == 1 and path.stem in built_in and not _exists(path):
+        raise ProblemError(
+            name, "", "no such file", f"accepted: {path.stem}, the built-in problem of that name"
+        )
     return read_problem_file(path, overrides)
+
+
+def find_source(name_or_path: str | Path) -> Path | None:
+    """Return the file that :func:`load_problem` reads, None for a built-in problem."""
+    return None if str(name_or_path) in _built_in_files() else Path(name_or_path)
 
 
 def list_problems() -> dict[str, str]:
@@ -63,7 +83,9 @@ def read_problem_file(path: Path, overrides: Mapping[str, object] = {}) -> Probl
     accepted = "accepted: a problem file in TOML"
     try:
         if path.is_dir():
-            raise ProblemError(source, "", "is a directory", accepted)
+            inside = path / "problem.toml"
+            hint = f", such as {str(inside)!r}" if inside.is_file() else ""
+            raise ProblemError(source, "", "is a directory", accepted + hint)
         if not path.exists():
             raise ProblemError(source, "", "no such file", accepted)
         if not path.is_file():
@@ -107,9 +129,11 @@ def _exists(path: Path) -> bool:
 def _read_text(content: bytes, source: str, default_name: str, overrides: Mapping[str, object]) -> Problem:
     """Decode, parse, override, build."""
     try:
-        data = tomllib.loads(content.decode("utf-8"))
+        # Some editors begin a file with a byte-order mark.
+        data = tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
-        fact = f"byte {error.start} is not text"
+        line = content.count(b"\n", 0, error.start) + 1
+        fact = f"byte {error.start} (line {line}) is not text"
         raise ProblemError(source, "", fact, "accepted: a problem file in TOML, UTF-8") from None
     except (ValueError, RecursionError) as error:
         raise ProblemError(
@@ -117,6 +141,8 @@ def _read_text(content: bytes, source: str, default_name: str, overrides: Mappin
         ) from None
     if not data:
         raise ProblemError(source, "", "is empty", "accepted: format = 1 and a [goal] at least")
+    if overrides:
+        forget_derived(data)
     for key, value in overrides.items():
         apply_override(data, key, value, source)
     return build_problem(data, source, default_name)
@@ -129,8 +155,9 @@ def _build(data: dict[str, Any], source: str, default_name: str) -> Problem:
     if not data.get("goal"):
         accepted = "accepted: a table [goal] with rotation, orientation_wxyz, translation_m or contacts_deg"
         raise ProblemError(source, "goal", "missing" if "goal" not in data else "says nothing", accepted)
-    data.setdefault("name", default_name)
+    data.setdefault("name", as_name(default_name))
     _check_goal_says_something(data["goal"], source)
+    fill_derived(data)
     _draw_orientation(data)
     _flatten_joint_ranges(data, source)
     data["acceptance"] = _resolve_acceptance(data.get("acceptance", {}), source)
@@ -264,6 +291,8 @@ def _resolve_acceptance(given: Any, source: str) -> dict[str, bool | float]:
                 )
         elif isinstance(value, bool) or not isinstance(value, int | float):
             raise ProblemError(source, key, f"{spell(value)} is no number", "accepted: a number")
+        elif (refusal := explain_refusal(name, float(value))) is not None:
+            raise ProblemError(source, key, *refusal)
         limits[name] = value if isinstance(value, bool) else float(value)
     return limits
 
@@ -292,4 +321,6 @@ def _join(key: str, name: str) -> str:
 
 
 def _one_line(error: BaseException) -> str:
-    return spell(" ".join(str(error).split())).strip("'\"")
+    """Return what ``error`` says in one line; of a long one its middle is left out, for the place comes last."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= LONGEST_COMPLAINT else f"{text[:80]} ... {text[-60:]}"

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import difflib
 import importlib.resources
+import math
 import re
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from xml.etree import ElementTree
 
 
 @dataclass(frozen=True)
@@ -77,10 +79,9 @@ BOUNDS = {
 
 AZIMUTH = Bounds(-360.0, 360.0, "degrees")
 ELEVATION = Bounds(-90.0, 90.0, "degrees")
-JOINT_ANGLE = Bounds(-360.0, 360.0, "degrees")
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
-JOINT_PATTERN = re.compile(r"finger_([1-9]\d*)\.joint_[1-9]\d*")
+JOINT_PATTERN = re.compile(r"finger_([1-9]\d{0,5})\.(\w{1,40})")
 
 OBSTACLE_SIZES = {
     "box": (3, "three half sizes"),
@@ -169,3 +170,18 @@ def load_limits() -> dict[str, bool | float]:
     resource = importlib.resources.files("dexplan").joinpath("sim").joinpath("limits.toml")
     raw = tomllib.loads(resource.read_text(encoding="utf-8"))
     return {name: value if isinstance(value, bool) else float(value) for name, value in raw.items()}
+
+
+@cache
+def load_joint_ranges() -> dict[str, tuple[float, float]]:
+    """Return each joint of a finger of the built-in hand with its lowest and highest angle [deg], from the packaged model.
+
+    To a hundredth of a degree, towards the inside: a range that is copied out of a message is accepted.
+    """
+    text = importlib.resources.files("dexplan.models").joinpath("finger.xml").read_text(encoding="utf-8")
+    ranges = {}
+    for joint in ElementTree.fromstring(text).iter("joint"):
+        if "name" in joint.attrib:
+            lowest, highest = (math.degrees(float(limit)) for limit in joint.attrib["range"].split())
+            ranges[joint.attrib["name"]] = (math.ceil(1e2 * lowest) / 1e2, math.floor(1e2 * highest) / 1e2)
+    return ranges

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.spatial import Array, hat, read_only
 
 IK_DAMPING = 1e-4
@@ -33,6 +34,8 @@ class Chain:
     X_JF: Array
     lower: Array
     upper: Array
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("offsets", "axes", "X_JF", "lower", "upper"):
@@ -90,6 +93,11 @@ def compute_tip_pose(chain: Chain, q: ArrayLike) -> Array:
     X = np.zeros((len(p), 4, 4))
     X[:, :3, :3], X[:, :3, 3], X[:, 3, 3] = R, p, 1.0
     return X.reshape(*q.shape[:-1], 4, 4)
+
+
+def compute_hinge_positions(chain: Chain, q: Array) -> Array:
+    """Return where the hinges are (N, J, 3) [m] in W at joint angles ``q`` (N, J) [rad]."""
+    return _walk(chain, q)[3]
 
 
 def compute_tip_jacobian(chain: Chain, q: ArrayLike) -> Array:

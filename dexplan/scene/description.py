@@ -7,9 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.contact.surface import AbstractSurface
 from dexplan.scene.chain import Chain, compute_tip_pose
 from dexplan.spatial import Array, read_only
+
+OBJECT, STANDING = -1, -2
+"""Whose a body is that belongs to no finger: the object's own, or one that stands still (floor, obstacles)."""
 
 
 @dataclass(frozen=True)
@@ -19,6 +23,19 @@ class Obstacle:
     kind: str
     position: tuple[float, float, float]
     size: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """The two bodies that are nearest to one another, of those that should not touch.
+
+    ``distance`` [m], negative where they overlap, never more than what the probe sees; ``names`` of both; ``owners``: a finger's
+    number, :data:`OBJECT` or :data:`STANDING` for each, and nobody where nothing is near.
+    """
+
+    distance: float
+    names: str
+    owners: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -35,6 +52,8 @@ class SceneParameters:
     torsional_friction: float = 0.0025
     physics_profile: str = "firm"
     obstacles: tuple[Obstacle, ...] = ()
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +73,8 @@ class FingerDescription:
     servo_damping: Array
     q_home: Array
 
+    __repr__ = brief_repr
+
     def pose_at(self, q: Array) -> Array:
         """Return X_WF (..., 4, 4) at joint angles ``q`` (..., J) [rad]."""
         return compute_tip_pose(self.chain, q)
@@ -69,6 +90,8 @@ class ContactCone:
 
     axis_O: Array
     half_angle: float
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis_O", read_only(self.axis_O / np.linalg.norm(self.axis_O)))
@@ -90,6 +113,8 @@ class ObjectDescription:
     inertia: Array
     X_WO_home: Array = field(repr=False)
     allowed_regions: tuple[ContactCone, ...] = ()
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("inertia", "X_WO_home"):

@@ -5,21 +5,41 @@ Descriptions are read from the model rather than kept beside it, so there is one
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.contact.shapes import Sphere
-from dexplan.errors import DexplanError
-from dexplan.scene.chain import Chain, solve_ik, wrap_to_limits
+from dexplan.scene.chain import (
+    Chain,
+    compute_hinge_positions,
+    compute_tip_pose,
+    solve_ik,
+    wrap_to_limits,
+)
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import FingerDescription, ObjectDescription, SceneParameters
-from dexplan.spatial import Array, as_pose, build_frame, invert_pose, make_pose
+from dexplan.spatial import Array, as_pose, build_frame, invert_pose, make_pose, rotate_about
 
 HOME_GAP = 0.025
 """At home each fingertip points at the object from this far off its surface [m]."""
+HOME_CLEARANCE = 0.002
+"""Distance [m] that a finger at home keeps to itself and the object, where it can."""
+PARKING, LOOKED_AT = 4096, 64
+"""Postures drawn for a finger that can point at the object from nowhere; so many of the best are asked whether they are clear."""
+WAITING = tuple(
+    sorted(
+        product((0.025, 0.012, 0.045, 0.07), (0.0, 25.0, -25.0, 50.0, -50.0), (0.0, 25.0, -25.0, 50.0, 75.0)),
+        key=lambda at: (abs(at[1]) + abs(at[2]), abs(at[0] - HOME_GAP)),
+    )
+)
+"""Where else a tip may point at the object from: gap [m], azimuth and elevation from the line to its base [deg]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +66,8 @@ class Scene:
     object_geom: int
     object_body: int
 
+    __repr__ = brief_repr
+
     @property
     def n_fingers(self) -> int:
         """Number of fingers F."""
@@ -62,7 +84,7 @@ class Scene:
 
 
 def build_scene(parameters: SceneParameters) -> Scene:
-    """Compose the model text, compile it and describe what came out.  Raises DexplanError where a finger cannot reach home."""
+    """Compose the model text, compile it and describe what came out."""
     return scene_from_xml(parameters.scene, build_model_xml(parameters))
 
 
@@ -142,33 +164,112 @@ def _describe_finger(
         torque_limit=model.actuator_forcerange[actuators, 1],
         servo_gain=model.actuator_gainprm[actuators, 0],
         servo_damping=-model.actuator_biasprm[actuators, 2],
-        q_home=_solve_home(name, chain, frames[0][:3, 3], X_WO[:3, 3], object_radius + tip_radius + HOME_GAP),
+        q_home=_solve_home(
+            chain,
+            frames[0][:3, 3],
+            X_WO[:3, 3],
+            object_radius,
+            tip_radius,
+            _ClearOfItself(model, name, joints),
+        ),
     )
 
 
-def _solve_home(name: str, chain: Chain, base: Array, center: Array, distance: float) -> Array:
-    """Return the posture with the tip on the line from the object's centre to the base, pointing at the object.
+def _solve_home(
+    chain: Chain,
+    base: Array,
+    center: Array,
+    object_radius: float,
+    tip_radius: float,
+    is_clear: Callable[[Array], bool],
+) -> Array:
+    """Return the posture in which a finger waits.
 
-    Of the answers that Newton's method finds from a fixed set of starts, the one deepest inside the joint limits; spin about
-    the pole is put to the middle of its range where the last hinge is that spin.
+    The tip is on the line from the object's centre to the base, ``HOME_GAP`` off the surface, and points at the object.  A finger
+    whose joints do not allow that, or that would meet itself or the object (``is_clear`` says no), points at the object from the
+    first of the ``WAITING`` places where it can; one that can point at it from nowhere is parked.
     """
-    outward = np.array([*(base - center)[:2], 0.0])
+    reach, outward = object_radius + tip_radius, np.array([*(base - center)[:2], 0.0])
     outward /= np.linalg.norm(outward)
-    X_WF = make_pose(build_frame(-outward), center + distance * outward)
-    starts = np.random.default_rng(0).uniform(chain.lower, chain.upper, (256, chain.n_joints))
-    q, reached = solve_ik(chain, np.broadcast_to(X_WF, (256, 4, 4)), starts, iterations=60)
+    (home,) = _aim(chain, center, reach + HOME_GAP, outward[None], 256, 60)
+    if home is not None and is_clear(home):
+        return home
+    azimuth, elevation = np.radians([at[1:] for at in WAITING]).T
+    flat, up = rotate_about([0.0, 0.0, 1.0], azimuth) @ outward, np.array([0.0, 0.0, 1.0])
+    directions = np.cos(elevation)[:, None] * flat + np.sin(elevation)[:, None] * up
+    found = _aim(chain, center, reach + np.array([at[0] for at in WAITING]), directions, 12, 40)
+    for posture in found:
+        if posture is not None and is_clear(posture):
+            return posture
+    named = [posture for posture in (home, *found) if posture is not None]
+    return named[0] if named else _park(chain, center, outward, reach + HOME_GAP, is_clear)
+
+
+def _aim(
+    chain: Chain, center: Array, distance: float | Array, directions: Array, count: int, iterations: int
+) -> list[Array | None]:
+    """Return postures with the tip ``distance`` [m] from the object's centre along ``directions`` (N, 3), pointing at it.
+
+    None where there is none.  Of the answers that Newton's method finds from a fixed set of ``count`` starts, the one deepest
+    inside the joint limits; spin about the pole is put to the middle of its range where the last hinge is that spin.
+    """
+    X_WF = np.stack([make_pose(build_frame(-d)) for d in directions])
+    X_WF[:, :3, 3] = center + np.reshape(distance, (-1, 1)) * directions
+    starts = np.random.default_rng(0).uniform(chain.lower, chain.upper, (count, chain.n_joints))
+    q, reached = solve_ik(
+        chain, np.repeat(X_WF, count, axis=0), np.tile(starts, (len(X_WF), 1)), iterations=iterations
+    )
     q = wrap_to_limits(chain, q)
     if chain.has_tip_roll:
         q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
-    room = np.minimum(q - chain.lower, chain.upper - q)
+    room = np.minimum(q - chain.lower, chain.upper - q).min(axis=1)
     # Elbow and wrist answers with the same room differ in posture; least motion from the middle decides between them.
-    score = np.where(
-        reached, room.min(axis=1) - 0.05 * np.abs(q - 0.5 * (chain.lower + chain.upper)).sum(axis=1), -np.inf
+    middle = 0.5 * (chain.lower + chain.upper)
+    score = np.where(reached, room - 0.05 * np.abs(q - middle).sum(axis=1), -np.inf)
+    best = np.argmax(np.round(score.reshape(-1, count), 6), axis=1) + count * np.arange(len(X_WF))
+    return [
+        np.clip(q[k], chain.lower, chain.upper) if reached[k] and room[k] >= -1e-6 else None for k in best
+    ]
+
+
+def _park(
+    chain: Chain, center: Array, outward: Array, distance: float, is_clear: Callable[[Array], bool]
+) -> Array:
+    """Return a posture near the middle of the joint ranges in which the finger is out of the way, as far as there is one.
+
+    Tip and hinges are at least ``distance`` [m] from the object's centre, and the tip within 60 degrees of ``outward`` (3,),
+    which is the finger's own side.
+    """
+    rng, size = np.random.default_rng(0), chain.upper - chain.lower
+    drawn = rng.uniform(chain.lower, chain.upper, (PARKING, chain.n_joints))
+    q = np.vstack([0.5 * (chain.lower + chain.upper), drawn])
+    points = np.concatenate(
+        [compute_hinge_positions(chain, q), compute_tip_pose(chain, q)[:, None, :3, 3]], axis=1
     )
-    best = int(np.argmax(np.round(score, 6)))
-    if not reached[best] or room[best].min() < -1e-6:
-        raise DexplanError(
-            f"{name} cannot point at the object from home: its joint ranges leave no posture with the tip "
-            f"{1e3 * distance:.0f} mm from the object's centre; widen them, move the base, or use a smaller object"
-        )
-    return np.clip(q[best], chain.lower, chain.upper)
+    gaps = np.linalg.norm(points - center, axis=2).min(axis=1) - distance
+    arm = points[:, -1, :2] - center[:2]
+    gaps = np.minimum(gaps, arm @ outward[:2] - 0.5 * np.linalg.norm(arm, axis=1))
+    off = np.abs((q - q[0]) / np.maximum(size, 1e-12)).sum(axis=1)
+    # Out of the way first, in whole centimetres, then near the middle.
+    ranked = q[np.lexsort((off, -np.round(np.minimum(gaps, 0.0), 2)))]
+    return np.asarray(next((row for row in ranked[:LOOKED_AT] if is_clear(row)), ranked[0]))
+
+
+class _ClearOfItself:
+    """Answers whether a finger at a posture keeps ``HOME_CLEARANCE`` to itself and the object, whatever else there is."""
+
+    def __init__(self, model: mujoco.MjModel, finger: str, joints: list[int]) -> None:
+        self._model = copy.copy(model)
+        self._model.geom_margin[:] = self._model.body_margin[:] = HOME_CLEARANCE
+        self._data = mujoco.MjData(self._model)
+        self._joints = model.jnt_qposadr[joints]
+        names = [model.geom(g).name for g in range(model.ngeom)]
+        self._own = np.array([name.startswith((f"{finger}/", "object/")) for name in names])
+
+    def __call__(self, q: Array) -> bool:
+        self._data.qpos[:] = self._model.qpos0
+        self._data.qpos[self._joints] = q
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_collision(self._model, self._data)
+        near = self._data.contact.dist < HOME_CLEARANCE
+        return not bool(self._own[self._data.contact.geom[near]].all(axis=1).any())

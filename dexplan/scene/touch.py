@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.scene.scene import Scene
 from dexplan.spatial import Array, cross
 
@@ -34,6 +35,8 @@ class Touches:
     slip_velocity: Array
     penetration: Array
     pole_angle: Array
+
+    __repr__ = brief_repr
 
 
 def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:

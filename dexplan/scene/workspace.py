@@ -21,6 +21,7 @@ from platformdirs import user_cache_dir
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from dexplan.brief import brief_repr
 from dexplan.scene.chain import (
     Chain,
     compute_joint_margin,
@@ -61,6 +62,8 @@ class Workspace:
     spin: Array
     dextrous_positions: int
     sampled_positions: int
+
+    __repr__ = brief_repr
 
     @cached_property
     def _tree(self) -> cKDTree:

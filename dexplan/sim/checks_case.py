@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.sim.replay import Replay
 from dexplan.sim.world import Flags, Indices
 from dexplan.spatial import Array
@@ -53,15 +54,21 @@ class Case:
     replay: Replay
     limits: Mapping[str, bool | float]
     initial_state: Array | None = None
+    differences: tuple[str, ...] = ()
+    """In what the machine that recorded the run differs from this one; none: a replay has to match to the last bit."""
+    contradictions: tuple[str, ...] = ()
+    """What the files that this was read from say against each other."""
+
+    __repr__ = brief_repr
 
     def limit(self, name: str) -> float:
         """Return the number behind a limit's name."""
         return float(self.limits[name])
 
     def column(self, name: str, shape: tuple[int, ...] = ()) -> Array | None:
-        """Return the recorded column (T, *shape) as floats; None where the record has none of that shape."""
+        """Return the recorded column (T, *shape) as floats; None where the record has no numbers of that shape."""
         array = self.columns.get(name)
-        if array is None or array.shape != (self.sample_count, *shape):
+        if array is None or array.shape != (self.sample_count, *shape) or array.dtype.kind not in "bfiu":
             return None
         return np.asarray(array, dtype=np.float64)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dexplan.sim.checks_case import (
     MAY,
@@ -21,6 +22,7 @@ from dexplan.sim.checks_case import (
     widen,
 )
 from dexplan.sim.replay import OBSTACLE_KINDS
+from dexplan.spatial import Array
 
 MM, UM = 1e3, 1e6
 
@@ -141,10 +143,10 @@ def check_coulomb_slip_max(case: Case) -> CheckResult:
     if not replay.contact_active.any():
         return fail(name, "mm", "no finger ever touches", limit)
     path = np.where(sliding, np.nan_to_num(speed), 0.0) * case.sample_time * MM
-    reach = round(case.limit("contact_window_s") / case.sample_time)
+    reach = round(case.limit("episode_gap_s") / case.sample_time)
     worst, moment = np.zeros(case.finger_count), 0.0
     for k in range(case.finger_count):
-        # Bounces of one touch belong to one episode: gaps shorter than a window do not end it.
+        # Bounces of one touch belong to one episode: a short gap does not end it.
         for start, stop in find_runs(close_gaps(replay.contact_active[:, k], reach)):
             slid = float(path[start:stop, k].sum())
             if slid > worst[k]:
@@ -161,39 +163,95 @@ def check_coulomb_slip_max(case: Case) -> CheckResult:
 def check_creep_rate_max(case: Case) -> CheckResult:
     """Drift of a settled contact inside its cone: mean slip over quiet windows, at rest and moving apart.
 
-    The slip velocity is averaged as a vector in the object frame, so that what comes back does not count.
+    The slip of every sample is added as a vector in the object frame, so that what comes back does not count.
+    A contact that is carried drifts with the speed at which it is carried, so a window in which something moves
+    is judged per radian turned: its rate is told as at ``creep_moving_speed_deg_s``, where the limit is
+    ``creep_moving_um_s``.  Slow motion is never judged more strictly than rest.
     """
     name, replay = "creep_rate_max", case.replay
     is_portable = case.problem["control"]["physics_profile"] == "portable"
     factor = case.limit("creep_portable_factor") if is_portable else 1.0
     window = max(1, round(case.limit("creep_window_s") / case.sample_time))
+    duration = window * case.sample_time
+    rest, moving = case.limit("creep_rest_um_s"), case.limit("creep_moving_um_s")
+    slip, turned = compute_slip_path(case), compute_carried_angle(case)
     # While one tip rolls all contacts are pushed about, as when the object moves.
-    moves = case.is_rolling.copy()
-    moves[1:] |= np.any(case.reference[1:] != case.reference[:-1], axis=1)
-    velocity = np.einsum(
-        "tfij,tfj->tfi", replay.contact_rotation_O[..., :2], replay.contact_slip_velocity[..., :2]
-    )
+    moves = case.is_rolling[1:] | np.any(case.reference[1:] != case.reference[:-1], axis=1)
     rows: dict[bool, list[tuple[float, float]]] = {False: [], True: []}
     for k in range(case.finger_count):
         for start, stop in find_runs(case.settled[:, k]):
-            if stop - start < window:
+            if stop - start <= window:
                 continue
-            total = np.cumsum(np.concatenate([np.zeros((1, 3)), velocity[start:stop, k]]), axis=0)
-            rate = np.linalg.norm(total[window:] - total[:-window], axis=1) / window * UM
-            moved = np.cumsum(np.concatenate([[0], moves[start:stop]]))
-            is_moving = moved[window:] > moved[:-window]
-            for value, moving, t in zip(rate, is_moving, replay.time[start : stop - window + 1], strict=True):
-                rows[bool(moving)].append((float(value), float(t)))
+            steps = slice(start, stop - 1)
+            rate = np.linalg.norm(_sum_windows(slip[steps, k], window), axis=1) / duration * UM
+            speed = np.degrees(_sum_windows(turned[steps, k], window)) / duration
+            is_moving = _sum_windows(moves[steps].astype(np.float64), window) > 0
+            allowed = np.maximum(rest, moving * speed / case.limit("creep_moving_speed_deg_s"))
+            rate = np.where(is_moving, rate * moving / allowed, rate)
+            for value, kind, t in zip(rate, is_moving, replay.time[start : stop - window], strict=True):
+                rows[bool(kind)].append((float(value), float(t)))
     parts = []
-    for moving, key, word in ((False, "creep_rest_um_s", "at rest"), (True, "creep_moving_um_s", "moving")):
-        if rows[moving]:
-            values, times = np.array(rows[moving]).T
+    for kind, limit, word in (
+        (False, rest, "at rest"),
+        (True, moving, "moving, as at the speed of the limit"),
+    ):
+        if rows[kind]:
+            values, times = np.array(rows[kind]).T
             worst = values.max() if not np.isnan(values).any() else np.nan
-            note = f"{word} {worst:.2f}"
-            parts.append(judge_worst(name, values, times, factor * case.limit(key), "µm/s", note))
+            parts.append(judge_worst(name, values, times, factor * limit, "µm/s", f"{word} {worst:.2f}"))
     if not parts:
         return fail(name, "µm/s", "no contact is quiet for as long as the window")
     return judge_all(name, parts)
+
+
+def compute_slip_path(case: Case) -> Array:
+    """Return how far (T - 1, F, 3) [m] each tip's surface slips over the object's from sample to sample, object axes.
+
+    Whatever a contact point moves by on the object more than on the tip was slip, whatever it was in between:
+    the servos are told something new once per sample, and a slip *velocity* read at that very instant, always in
+    the same phase of the ripple, says 41 um/s of a light ball whose contact moves by 3.
+    """
+    replay = case.replay
+    R_WO = Rotation.from_quat(replay.object_pose[:, 3:], scalar_first=True).as_matrix()[:, None]
+    R_OF = R_WO.swapaxes(-1, -2) @ replay.tip_rotation
+    p_OF = np.einsum(
+        "tfji,tfj->tfi",
+        np.broadcast_to(R_WO, R_OF.shape),
+        replay.tip_position - replay.object_pose[:, None, :3],
+    )
+    point_F = np.einsum("tfji,tfj->tfi", R_OF, replay.contact_point_O - p_OF)
+    halfway = 0.5 * (R_OF[1:] + R_OF[:-1])
+    moved = np.diff(replay.contact_point_O, axis=0)
+    moved -= np.einsum("tfij,tfj->tfi", halfway, np.diff(point_F, axis=0))
+    # What is left along the normal is a change of depth.
+    normal = replay.contact_rotation_O[1:, :, :, 2] + replay.contact_rotation_O[:-1, :, :, 2]
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return np.asarray(moved - (moved * normal).sum(axis=-1, keepdims=True) * normal)
+
+
+def compute_carried_angle(case: Case) -> Array:
+    """Return the angle (T - 1, F) [rad] by which each tip is carried around from sample to sample, as it is planned.
+
+    A shift counts as the turn about the object's centre that takes the tip's centre as far; while a tip rolls, its turn
+    against the object counts for all.
+    """
+    replay, reference = case.replay, case.reference
+    turn = Rotation.from_quat(np.nan_to_num(reference[:, 3:], nan=1.0), scalar_first=True)
+    turned = (turn[1:] * turn[:-1].inv()).magnitude()[:, None]
+    arm = np.linalg.norm(replay.tip_position - replay.object_pose[:, None, :3], axis=-1)[1:]
+    shifted = np.linalg.norm(np.diff(reference[:, :3], axis=0), axis=1)[:, None] / arm
+    R_WO = Rotation.from_quat(replay.object_pose[:, 3:], scalar_first=True).as_matrix()[:, None]
+    R_OF = R_WO.swapaxes(-1, -2) @ replay.tip_rotation
+    cosine = 0.5 * (np.einsum("tfij,tfij->tf", R_OF[1:], R_OF[:-1]) - 1.0)
+    both = replay.contact_active[1:] & replay.contact_active[:-1] & case.is_rolling[1:, None]
+    rolled = np.where(both, np.arccos(np.clip(cosine, -1.0, 1.0)), 0.0).max(axis=1, keepdims=True)
+    return np.asarray(turned + shifted + rolled)
+
+
+def _sum_windows(steps: Array, window: int) -> Array:
+    """Return the sums of every ``window`` successive ``steps`` (N, ...)."""
+    total = np.cumsum(np.concatenate([np.zeros((1, *steps.shape[1:])), steps]), axis=0)
+    return total[window:] - total[:-window]
 
 
 def check_penetration_max(case: Case) -> CheckResult:

@@ -150,7 +150,12 @@ def check_plan_load_margin(case: Case) -> CheckResult:
     """
     friction = case.problem["friction"]
     believed = friction["sliding"] / friction["safety"], friction["torsional_m"] / friction["safety"]
-    squeeze, limit = case.limit("plan_normal_force_max_N"), case.limit("plan_load_margin_min")
+    # What the plan itself allows may be less: a light object is not to be entered by the tips.
+    allowed = float(case.plan.get("normal_ceiling_N", np.inf))
+    squeeze, limit = (
+        min(case.limit("plan_normal_force_max_N"), allowed),
+        case.limit("plan_load_margin_min"),
+    )
     weight = float(case.problem["object"]["mass_kg"]) * GRAVITY
     done: dict[bytes, float] = {}
 

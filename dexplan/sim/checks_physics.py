@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from dexplan.sim.checks_case import Case, CheckResult, judge
+from dexplan.sim.checks_hand import find_departures_from_scene
 from dexplan.sim.world import World
 from dexplan.spatial import GRAVITY, Array
 
@@ -89,6 +90,7 @@ def find_departures(case: Case) -> Iterator[str]:
     yield from _find_in_joints(world)
     yield from _find_in_actuators(world)
     yield from _find_in_run(case)
+    yield from find_departures_from_scene(world, problem)
 
 
 def _differs(value: Any, wanted: Any) -> bool:
@@ -193,6 +195,7 @@ def _find_in_geoms(world: World, problem: Mapping[str, Any]) -> Iterator[str]:
             geom.type[0] != SHAPES.get(obstacle["kind"])
             or _differs(geom.size[: len(size)], size)
             or not np.allclose(geom.pos, obstacle["pos_m"], atol=_TOLERANCE)
+            or not np.allclose(np.abs(geom.quat), [1.0, 0.0, 0.0, 0.0], atol=_TOLERANCE)
             or geom.bodyid[0] != 0
         ):
             yield f"{name} is not the problem's"
@@ -281,6 +284,10 @@ def _find_in_run(case: Case) -> Iterator[str]:
     control = case.columns.get("ctrl")
     if control is None or not np.isfinite(control).all():
         yield "a control is not a number"
+    elif np.any(limited := model.actuator_ctrllimited.astype(bool)):
+        low, high = model.actuator_ctrlrange[limited].T
+        if np.any((control[:, limited] < low) | (control[:, limited] > high)):
+            yield "a control is out of its actuator's range"
     disturbance = case.columns.get("xfrc_applied")
     if disturbance is not None and np.any(disturbance != 0) and not case.problem.get("disturbance"):
         yield "the record applies a force that the problem does not declare"

@@ -20,13 +20,13 @@ def check_rolling_error_max(case: Case) -> CheckResult:
     With the outward normal n_O at the contact and the tip's rotation relative to the object, w, rolling
     without sliding gives dn_O/dt = r/(R + r) w x n_O on the object and, with the direction m_F = -n seen from
     the tip, dm_F/dt = -R/(R + r) w x m_F. Both are integrated over each contact from its first sample and
-    compared with the direction between the two centres.  A tip that bounces goes on rolling: gaps shorter than a
-    touch window do not start the measurement afresh.
+    compared with the direction between the two centres.  A tip that bounces goes on rolling: gaps no longer
+    than ``episode_gap_s`` do not start the measurement afresh.
     """
     name, limit, replay = "rolling_error_max", case.limit("rolling_error_max_deg"), case.replay
     R, r = replay.world.object_radius, replay.world.tip_radius
     worst, moment, label, measured = 0.0, None, "", False
-    reach = round(case.limit("contact_window_s") / case.sample_time)
+    reach = round(case.limit("episode_gap_s") / case.sample_time)
     if not (np.isfinite(replay.object_pose).all() and np.isfinite(replay.tip_rotation).all()):
         return fail(name, "deg", "a pose is not a number", limit)
     if not case.sample_count or np.isnan(R):
@@ -74,6 +74,8 @@ def check_roll_path_error_max(case: Case) -> CheckResult:
     for index, action in enumerate(case.plan["actions"]):
         samples = np.flatnonzero(action_index == index)
         for roll in action.get("rolls", ()):
+            if roll["finger"] not in replay.world.fingers:
+                return fail(name, "deg", f"action {index} rolls a finger that the model lacks", limit)
             k = replay.world.fingers.index(roll["finger"])
             if not len(samples) or not replay.contact_active[samples, k].all():
                 return fail(
@@ -86,6 +88,65 @@ def check_roll_path_error_max(case: Case) -> CheckResult:
         )
     worst, moment, label = max(found)
     return judge(name, worst, limit, "deg", moment, "; ".join([label, *_find_conservative(case)]))
+
+
+def check_tip_rotation_max(case: Case) -> CheckResult:
+    """How far contacts go round on the tips, against the hand's rotation limit: the paper's gamma.
+
+    The place on the tip where a contact set out is the pole of the paper's longitudes.  Seen from there, the contact's azimuth
+    may change by gamma while it is away: for the manoeuvre A-B-C-D that is the equator leg B-C, for a rolling triangle its apex,
+    and for a straight way nothing, however far it goes.  What comes by the tip's own pole sets out anew from there.
+    """
+    name, replay = "tip_rotation_max", case.replay
+    limit = float(case.problem["hand"]["tip_rotation_limit_deg"]) + case.limit("tip_rotation_slack_deg")
+    if not (np.isfinite(replay.object_pose).all() and np.isfinite(replay.tip_rotation).all()):
+        return fail(name, "deg", "a pose is not a number", limit)
+    if not replay.contact_active.any():
+        return fail(name, "deg", "no finger ever touches", limit)
+    near = np.radians(case.limit("tip_rotation_reach_deg"))
+    gap = round(case.limit("contact_window_s") / case.sample_time)
+    worst, moment, label = 0.0, None, "no contact went round on its tip"
+    for k in range(case.finger_count):
+        centre = replay.object_pose[:, :3] - replay.tip_position[:, k]
+        seen = np.einsum("tji,tj->ti", replay.tip_rotation[:, k], centre)
+        seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+        for start, stop in find_runs(close_gaps(replay.contact_active[:, k], gap)):
+            for first, last, about in _find_outsets(seen[start:stop], near):
+                swept, sample = _measure_sweep(seen[start + first : start + last], about, near)
+                if swept > worst:
+                    worst, moment = swept, float(replay.time[start + first + sample])
+                    label = replay.world.fingers[k]
+    return judge(name, worst, limit, "deg", moment, label)
+
+
+def _find_outsets(seen: Array, near: float) -> list[tuple[int, int, Array]]:
+    """Return (first, last, place) per part of a contact's way on its tip (T, 3), with the place where the part set out."""
+    pole_angle = np.arctan2(np.linalg.norm(seen[:, :2], axis=1), seen[:, 2])
+    parts, first, about = [], 0, seen[0]
+    for start, stop in find_runs(pole_angle < near):
+        if np.arctan2(np.linalg.norm(about[:2]), about[2]) < near:
+            continue
+        nearest = start + int(pole_angle[start:stop].argmin())
+        parts.append((first, nearest + 1, about))
+        first, about = nearest, seen[nearest]
+    return [*parts, (first, len(seen), about)]
+
+
+def _measure_sweep(seen: Array, about: Array, near: float) -> tuple[float, int]:
+    """Return by how much [deg] the azimuth of ``seen`` (T, 3) about a place (3,) changes at most while it is farther than
+    ``near`` [rad] from there, and the sample at which that is so.
+    """
+    aside = np.cross(about, np.eye(3)[int(np.abs(about).argmin())])
+    aside /= np.linalg.norm(aside)
+    x, y = seen @ aside, seen @ np.cross(about, aside)
+    away = np.arctan2(np.hypot(x, y), seen @ about) > near
+    worst, sample = 0.0, 0
+    for start, stop in find_runs(away):
+        azimuth = np.degrees(np.unwrap(np.arctan2(y[start:stop], x[start:stop])))
+        grown = np.maximum.accumulate(azimuth) - np.minimum.accumulate(azimuth)
+        if grown[-1] > worst:
+            worst, sample = float(grown[-1]), start + int((grown >= grown[-1]).argmax())
+    return worst, sample
 
 
 def _find_conservative(case: Case) -> list[str]:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.sim.world import Flags, Indices, World, read_world
 from dexplan.spatial import Array
@@ -73,6 +74,8 @@ class Replay:
     clearance_horizon: float
     contact_settings: tuple[tuple[float, ...], ...]
     warnings: Mapping[str, int]
+
+    __repr__ = brief_repr
 
 
 def replay(

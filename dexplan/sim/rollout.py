@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
 from typing import Any
 
 import mujoco
@@ -16,11 +14,14 @@ from dexplan.control.reference import Reference
 from dexplan.scene.chain import solve_ik
 from dexplan.scene.scene import Scene
 from dexplan.scene.touch import Touches, compute_static_normal_force, read_touches
+from dexplan.sim.machine import describe_machine, describe_versions
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, as_pose7, make_pose
 
 START_DEPTH = 5e-5
 """How deep the tips stand in the object at the start [m]: about what their first newtons make of a touch."""
+PACKAGES = ("dexplan", "mujoco", "mink", "daqp", "osqp", "numpy", "scipy")
+"""Whose versions a record names."""
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -36,9 +37,10 @@ def rollout(
 ) -> Trace:
     """Run ``reference`` on ``scene`` and return the trace; a run that fails returns the trace so far.
 
-    ``scene`` is what the controller believes; ``world`` what is true, where that differs (same hand, other friction or mass).
+    ``scene`` is what the controller believes; ``world`` what is true, where that differs (friction, mass, sizes).
     ``X_WO_start`` (4, 4) is the object's true pose at the start (default: its home); ``progress`` is called with the share
-    done.  A failure (object lost, finger that finds nothing) stands in the trace's ``meta["failure"]``.
+    done.  A failure (object lost, finger that finds nothing) stands in the trace's ``meta["failure"]``.  An exception that cuts
+    the run short, Ctrl-C included, goes on with the trace so far as its attribute ``trace``.
     """
     believed, scene = scene, world or scene
     model = scene.model
@@ -54,30 +56,38 @@ def rollout(
     rows: dict[str, list[Any]] = {name: [] for name in _COLUMNS}
     planned = max(reference.duration, TICK)
     failure: str | None = None
-    for _ in range(int(3.0 * planned / TICK) + 500):
-        command = controller.step(_observe(scene, data))
-        data.ctrl[:] = command.ctrl
-        mujoco.mj_getState(model, data, state, STATE)
-        mujoco.mj_setState(model, probe, state, STATE)
-        probe.ctrl[:] = command.ctrl
-        mujoco.mj_forward(model, probe)
-        _record(rows, scene, data, command, read_touches(scene, probe))
-        failure = command.failure or _find_failure(scene, data, command.X_WO_ref)
-        if command.is_done or failure:
-            break
-        mujoco.mj_step(model, data, nstep=steps)
-        if progress is not None:
-            progress(min(1.0, data.time / planned))
-    columns = {name: np.array(values) for name, values in rows.items()}
-    columns["object_pose_reference"] = as_pose7(columns["object_pose_reference"])
-    columns["initial_state"] = initial_state
-    columns["physics_steps_per_sample"] = np.array(steps)
-    versions = {name: version(name) for name in ("mujoco", "mink", "daqp", "osqp", "numpy", "scipy")}
-    return Trace(
-        scene.xml,
-        columns,
-        {**(meta or {}), "failure": failure, "versions": {"python": platform.python_version(), **versions}},
-    )
+
+    def as_trace(failure: str | None) -> Trace:
+        # Cut short in the middle of a sample, some columns are one longer than others.
+        count = min(map(len, rows.values()))
+        columns = {name: np.array(values[:count]) for name, values in rows.items()}
+        columns["object_pose_reference"] = as_pose7(columns["object_pose_reference"])
+        columns["initial_state"] = initial_state
+        columns["physics_steps_per_sample"] = np.array(steps)
+        made_by = {"versions": describe_versions(*PACKAGES), "machine": describe_machine()}
+        return Trace(scene.xml, columns, {**(meta or {}), "failure": failure, **made_by})
+
+    try:
+        for _ in range(int(3.0 * planned / TICK) + 500):
+            command = controller.step(_observe(scene, data))
+            data.ctrl[:] = command.ctrl
+            mujoco.mj_getState(model, data, state, STATE)
+            mujoco.mj_setState(model, probe, state, STATE)
+            probe.ctrl[:] = command.ctrl
+            mujoco.mj_forward(model, probe)
+            _record(rows, scene, data, command, read_touches(scene, probe))
+            failure = command.failure or _find_failure(scene, data, command.X_WO_ref)
+            if command.is_done or failure:
+                break
+            mujoco.mj_step(model, data, nstep=steps)
+            if progress is not None:
+                progress(min(1.0, data.time / planned))
+    except BaseException as error:
+        if rows["ik_at_limit"]:
+            what = "interrupted" if isinstance(error, KeyboardInterrupt) else type(error).__name__
+            error.trace = as_trace(f"cut short: {what}")  # type: ignore[attr-defined]
+        raise
+    return as_trace(failure)
 
 
 FALLEN = 0.05
@@ -114,12 +124,13 @@ def _set_start(
 ) -> None:
     """Put the tips in contact where the reference starts, as deep as the first wanted forces press them; others at home.
 
-    The world starts at rest; a tip that starts too shallow would fall into the object and drag it along.
+    The world starts at rest; a tip that starts too shallow would fall into the object and drag it along.  Contacts are stated by
+    direction: where the true object or tips have another size than the ``believed`` ones, the tips touch the true object.
     """
     touching = [i for i, start in enumerate(reference.start) if start is not None]
     depth = np.full(scene.n_fingers, START_DEPTH)
     for _ in range(4):
-        data.qpos[:] = scene.as_qpos(_start_posture(scene, reference, X_WO, depth), X_WO)
+        data.qpos[:] = scene.as_qpos(_start_posture(scene, believed, reference, X_WO, depth), X_WO)
         mujoco.mj_forward(scene.model, data)
         wanted = Controller(believed, reference, options).step(_observe(scene, data)).forces_W
         surface_normals = {i: _inward_normal(scene, data, i) for i in touching}
@@ -127,7 +138,7 @@ def _set_start(
             static = compute_static_normal_force(scene, data, i)
             if static > 0.0 and np.isfinite(wanted[i]).all():
                 depth[i] *= float(surface_normals[i] @ wanted[i, :3]) / static
-    data.qpos[:] = scene.as_qpos(_start_posture(scene, reference, X_WO, depth), X_WO)
+    data.qpos[:] = scene.as_qpos(_start_posture(scene, believed, reference, X_WO, depth), X_WO)
     mujoco.mj_forward(scene.model, data)
 
 
@@ -137,14 +148,18 @@ def _inward_normal(scene: Scene, data: mujoco.MjData, finger: int) -> Array:
     return offset / np.linalg.norm(offset)
 
 
-def _start_posture(scene: Scene, reference: Reference, X_WO: Array, depth: Array) -> Array:
+def _start_posture(scene: Scene, believed: Scene, reference: Reference, X_WO: Array, depth: Array) -> Array:
     """Return joint angles (F, J) with the tips ``depth`` (F,) [m] in the object where the reference starts, others at home."""
     posture = []
-    for finger, start, d in zip(scene.fingers, reference.start, depth, strict=True):
+    rows = zip(scene.fingers, believed.fingers, reference.start, depth, strict=True)
+    for finger, imagined, start, d in rows:
         q = finger.q_home
         if start is not None:
             X = start[0].copy()
-            X[:3, 3] *= 1.0 - d / np.linalg.norm(X[:3, 3])
+            away = scene.object.surface.radial(X[:3, 3]) - believed.object.surface.radial(X[:3, 3])
+            outward = X[:3, 3] / np.linalg.norm(X[:3, 3])
+            farther = float(outward @ away) + finger.tip_radius - imagined.tip_radius
+            X[:3, 3] *= 1.0 - (d - farther) / np.linalg.norm(X[:3, 3])
             solved, _ = solve_ik(finger.chain, (X_WO @ X)[None], start[1][None])
             q = solved[0]
         posture.append(q)

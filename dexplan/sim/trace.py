@@ -19,10 +19,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import show
 from dexplan.errors import RunFolderError
 
 FORMAT = 1
 """The trace format this package reads and writes."""
+LARGEST = 1 << 34
+"""A file that unpacks to more bytes is no trace; twenty minutes are half a gigabyte."""
+LARGEST_VALUE = 1e10
+"""MuJoCo takes a larger number in a state or a control for a simulation that blew up (mjMAXVAL)."""
+MOST_STEPS = 10_000
+"""No control rate is slower than this many physics steps."""
 _MODEL = "model_xml"
 _META = "meta_json"
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -42,6 +49,8 @@ class Trace:
     model_xml: str
     columns: Mapping[str, NDArray[Any]]
     meta: Mapping[str, Any]
+    contradictions: tuple[str, ...] = ()
+    """What the run folder that it was read from says against it, for the judge; no part of the file or of equality."""
 
     def __post_init__(self) -> None:
         columns = {}
@@ -56,6 +65,19 @@ class Trace:
         object.__setattr__(self, "columns", MappingProxyType(columns))
         # A round trip through JSON now, so that what is in memory equals what a file would give back.
         object.__setattr__(self, "meta", MappingProxyType(json.loads(json.dumps(dict(self.meta)))))
+
+    def __repr__(self) -> str:
+        seconds = float(self["time"][-1]) if self.sample_count else 0.0
+        facts = {"problem": self.meta.get("problem"), "samples": self.sample_count, "seconds": seconds}
+        facts |= {"columns": len(self.columns), "failure": self.meta.get("failure")}
+        return show("Trace", facts.items())
+
+    def __str__(self) -> str:
+        """Return one line about the run, and one per column."""
+        lines = [repr(self)]
+        for name, array in self.columns.items():
+            lines.append(f"  {name:<24} {array.dtype!s:<8} {array.shape}")
+        return "\n".join(lines)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return the column ``name``; KeyError where the trace has none."""
@@ -118,8 +140,16 @@ class Trace:
         if not path.is_file():
             raise RunFolderError(str(path), "there is no such file", accepted)
         try:
+            with zipfile.ZipFile(path) as archive:
+                size = sum(entry.file_size for entry in archive.infolist())
+            if size > LARGEST:
+                raise RunFolderError(
+                    str(path), f"it unpacks to {size} bytes", f"at most {LARGEST} bytes are read"
+                )
             with np.load(path, allow_pickle=False) as archive:
                 entries = {name: archive[name] for name in archive.files}
+        except RunFolderError:
+            raise
         except Exception as error:
             # A damaged archive can raise anything from zipfile, zlib, numpy and struct; all of it means the
             # same to a caller.
@@ -136,8 +166,110 @@ class Trace:
                 str(path), f"its model or meta text is damaged ({error})", accepted
             ) from error
         if version != FORMAT:
-            raise RunFolderError(str(path), f"it has trace format {version}", f"format {FORMAT} is read here")
-        return cls(model_xml, entries, meta)
+            raise RunFolderError(
+                str(path), f"it has trace format {version!r:.40}", f"format {FORMAT} is read here"
+            )
+        if not isinstance(meta, dict):
+            raise RunFolderError(str(path), f"its meta data are {meta!r:.40}", accepted)
+        trace = cls(model_xml, entries, meta)
+        check_columns(trace, str(path))
+        return trace
+
+
+@dataclass(frozen=True)
+class _Column:
+    """What a column has to be: a letter per axis (equal letters, equal lengths; digits as they are), and kinds of numpy types."""
+
+    axes: str
+    kinds: str = "fiu"
+
+
+_COLUMNS = {
+    "time": _Column("T"),
+    "qpos": _Column("TQ"),
+    "qvel": _Column("TV"),
+    "ctrl": _Column("TU"),
+    "initial_state": _Column("S"),
+    "physics_steps_per_sample": _Column("", "iu"),
+    "object_pose_reference": _Column("T7"),
+    "action_index": _Column("T", "iu"),
+    "phase_index": _Column("T", "iu"),
+    "contact_active": _Column("TF", "b"),
+    "contact_point_O": _Column("TF3"),
+    "contact_rotation_O": _Column("TF33"),
+    "contact_force": _Column("TF4"),
+    "contact_force_reference": _Column("TF4"),
+    "contact_slip_velocity": _Column("TF3"),
+    "tip_contact_angle": _Column("TF"),
+    "qp_status": _Column("T", "iu"),
+    "qp_wrench_residual": _Column("T"),
+    "tip_tracking_error": _Column("T"),
+    "ik_at_limit": _Column("T", "biu"),
+    "xfrc_applied": _Column("TB6"),
+}
+"""The columns of the format; a trace may have more, and may leave out all that are not replayed."""
+_REPLAYED = ("initial_state", "ctrl", "physics_steps_per_sample")
+"""What a run is stepped from: without these there is nothing to judge."""
+
+
+def check_replayable(trace: Trace, source: str = "trace.npz") -> None:
+    """Raise RunFolderError where ``trace`` cannot be stepped again."""
+    for name in _REPLAYED:
+        if name not in trace:
+            raise RunFolderError(source, f"it lacks {name}", "a trace that can be replayed is needed")
+    check_columns(trace, source)
+    if len(trace["ctrl"]) == 0:
+        raise RunFolderError(source, "it has no samples", "a run of at least one sample is needed")
+
+
+def check_columns(trace: Trace, source: str = "trace.npz") -> None:
+    """Raise RunFolderError, which names ``source``, where a column of the format is not of its type, shape or range."""
+    lengths: dict[str, tuple[int, str]] = {}
+    for name, column in _COLUMNS.items():
+        if name not in trace:
+            continue
+        array = trace[name]
+        if array.dtype.kind not in column.kinds:
+            needed = " or ".join(_KINDS[kind] for kind in column.kinds)
+            raise RunFolderError(source, f"{name} is of type {array.dtype}", f"{needed} are needed")
+        if array.ndim != len(column.axes):
+            raise RunFolderError(
+                source, f"{name} has shape {array.shape}", f"{len(column.axes)} axes are needed"
+            )
+        for axis, length in zip(column.axes, array.shape, strict=True):
+            wanted, whose = lengths.setdefault(
+                axis, (int(axis), "the format") if axis.isdecimal() else (length, name)
+            )
+            if length != wanted:
+                raise RunFolderError(
+                    source,
+                    f"{name} has shape {array.shape}",
+                    f"{wanted} as in {whose} is needed, not {length}",
+                )
+    _check_values(trace, source)
+
+
+_KINDS = {
+    "f": "floating-point numbers",
+    "i": "whole numbers",
+    "u": "whole numbers, 0 or more",
+    "b": "booleans",
+}
+
+
+def _check_values(trace: Trace, source: str) -> None:
+    """Refuse what cannot be stepped.  A run that diverged ends with a sample that is no number; before it all are."""
+    if "physics_steps_per_sample" in trace:
+        steps = int(trace["physics_steps_per_sample"])
+        if not 1 <= steps <= MOST_STEPS:
+            needed = f"a whole number from 1 to {MOST_STEPS} is needed"
+            raise RunFolderError(source, f"physics_steps_per_sample is {steps}", needed)
+    for name, samples in (("initial_state", slice(None)), ("ctrl", slice(-1)), ("time", slice(None))):
+        if name in trace and not (np.abs(trace[name][samples]) <= LARGEST_VALUE).all():
+            needed = f"numbers up to {LARGEST_VALUE:g} are needed"
+            raise RunFolderError(source, f"{name} holds values that cannot be simulated", needed)
+    if "time" in trace and not (np.diff(trace["time"]) > 0.0).all():
+        raise RunFolderError(source, "time does not always grow", "samples in the order of time are needed")
 
 
 def _as_bytes(text: str) -> NDArray[np.uint8]:

@@ -6,42 +6,46 @@ plan is read as data and no code of planner or controller is used.
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import platform
 import time
-import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from functools import lru_cache
-from importlib import metadata, resources
-from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dexplan.errors import RunFolderError
 from dexplan.sim import (
     checks,
     checks_contact,
+    checks_files,
     checks_force_audit,
     checks_forces,
     checks_physics,
     checks_rolling,
 )
 from dexplan.sim.checks_case import MAY, Case, CheckResult, find_runs
+from dexplan.sim.limits import find_loose_limits, load_default_limits, resolve_limits
+from dexplan.sim.machine import describe_machine, describe_versions, find_differences
+from dexplan.sim.recipe import check_times, read_recipe
 from dexplan.sim.replay import Replay, replay
+from dexplan.sim.report import ValidationReport
 from dexplan.sim.trace import Trace
+from dexplan.sim.world import read_world
 
-FORMAT = 1
-"""The report format this package reads and writes."""
+__all__ = [
+    "CHECKS",
+    "NOT_APPLICABLE",
+    "ValidationReport",
+    "load_default_limits",
+    "run_checks",
+    "validate_run",
+]
 
 CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("replay_matches", checks.check_replay_matches),
     ("trace_consistent", checks.check_trace_consistent),
     ("physics_untouched", checks_physics.check_physics_untouched),
+    ("files_agree", checks_files.check_files_agree),
     ("phases_in_order", checks.check_phases_in_order),
     ("reference_position_error_max", checks.check_reference_position),
     ("reference_rotation_error_max", checks.check_reference_rotation),
@@ -68,6 +72,7 @@ CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("roll_path_error_max", checks_rolling.check_roll_path_error_max),
     ("penetration_max", checks_contact.check_penetration_max),
     ("tip_contact_angle_max", checks_contact.check_tip_contact_angle_max),
+    ("tip_rotation_max", checks_rolling.check_tip_rotation_max),
     ("force_prediction_error", checks_forces.check_force_prediction_error),
     ("tip_tracking_error_max", checks_forces.check_tip_tracking_error_max),
     ("ik_at_limit", checks_forces.check_ik_at_limit),
@@ -104,140 +109,6 @@ NOT_APPLICABLE: Mapping[str, tuple[Callable[[Mapping[str, Any]], bool], str]] = 
 }
 """Checks that some problems do not ask for: when, and why.  Decided from the problem alone."""
 
-HEADLINES = (
-    ("turned_angle", "turn off by"),
-    ("position_error_max", "position within"),
-    ("rotation_error_max", "rotation within"),
-    ("friction_utilisation_max", "friction used"),
-    ("coulomb_slip_max", "slip"),
-)
-"""What the one-line summary of a passed run tells."""
-
-
-@dataclass(frozen=True, eq=False)
-class ValidationReport:
-    """The judgement of one run: ``verdict`` is "pass" iff no check fails; the rest is what one needs to
-    believe it.
-
-    ``physics`` are the parameters simulated under, ``timing`` seconds simulated and spent, ``versions`` of
-    what judged.
-    """
-
-    name: str
-    verdict: Literal["pass", "fail"]
-    checks: tuple[CheckResult, ...]
-    physics: Mapping[str, Any]
-    timing: Mapping[str, Any]
-    versions: Mapping[str, str]
-    seed: int
-    format: int = FORMAT
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "checks", tuple(self.checks))
-        for key in ("physics", "timing", "versions"):
-            object.__setattr__(self, key, MappingProxyType(json.loads(json.dumps(dict(getattr(self, key))))))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ValidationReport) and self.as_dict() == other.as_dict()
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __getitem__(self, name: str) -> CheckResult:
-        """Return the result of the check ``name``; KeyError where there is none."""
-        for check in self.checks:
-            if check.name == name:
-                return check
-        raise KeyError(name)
-
-    @property
-    def is_passed(self) -> bool:
-        """Whether the physics confirms the plan."""
-        return self.verdict == "pass"
-
-    @property
-    def failures(self) -> tuple[CheckResult, ...]:
-        """The checks that failed, in order."""
-        return tuple(check for check in self.checks if check.status == "fail")
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the report as JSON data (``report.json``)."""
-        return {
-            "format": self.format,
-            "name": self.name,
-            "verdict": self.verdict,
-            "checks": [asdict(check) for check in self.checks],
-            "physics": dict(self.physics),
-            "timing": dict(self.timing),
-            "versions": dict(self.versions),
-            "seed": self.seed,
-        }
-
-    def summary_line(self) -> str:
-        """Return one line: PASS with a few numbers, or FAIL with the first check that failed."""
-        if self.is_passed:
-            told = [(word, check) for name, word in HEADLINES for check in self.checks if check.name == name]
-            parts = [
-                f"{word} {_spell(c.value)} {c.unit}".replace(" –", "")
-                for word, c in told
-                if c.value is not None
-            ]
-            return f"PASS {self.name}: {', '.join(parts)}"
-        first = self.failures[0]
-        value = "without a value" if first.value is None else f"{_spell(first.value)} {first.unit}"
-        limit = "" if first.limit is None else f" (limit {_spell(first.limit)})"
-        moment = "" if first.worst_time_s is None else f" at {first.worst_time_s:.2f} s"
-        note = f": {first.note}" if first.value is None and first.note else ""
-        return f"FAIL {first.name} {value}{limit}{moment}{note}"
-
-    def table(self) -> str:
-        """Return all checks as aligned text."""
-        heads = ("check", "status", "value", "limit", "unit", "at s", "note")
-        rows = [heads] + [
-            (
-                c.name,
-                c.status.replace("_", " "),
-                _spell(c.value),
-                _spell(c.limit),
-                c.unit,
-                "" if c.worst_time_s is None else f"{c.worst_time_s:.2f}",
-                c.note,
-            )
-            for c in self.checks
-        ]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(heads))]
-        return "\n".join(
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        )
-
-    def save(self, path: str | Path) -> Path:
-        """Write report.json, whole or not at all.  Returns the path."""
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        try:
-            text = json.dumps(self.as_dict(), indent=1, ensure_ascii=False, allow_nan=False)
-            temporary.write_text(text + "\n", encoding="utf-8")
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-        return path
-
-    @classmethod
-    def load(cls, path: str | Path) -> ValidationReport:
-        """Read a report that :meth:`save` wrote; equal to it.  Raises RunFolderError for anything else."""
-        accepted = "a report.json as `dexplan validate` writes it is needed"
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-            if data["format"] != FORMAT:
-                raise RunFolderError(
-                    str(path), f"it has report format {data['format']}", f"format {FORMAT} is read here"
-                )
-            results = tuple(CheckResult(**check) for check in data.pop("checks"))
-            return cls(checks=results, **data)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise RunFolderError(str(path), f"it cannot be read as a report ({error})", accepted) from error
-
 
 def validate_run(
     problem: Mapping[str, Any],
@@ -249,23 +120,24 @@ def validate_run(
 
     ``limits`` stand over the problem's ``[acceptance]``, which stands over the packaged defaults.  A bad run
     is a verdict; RunFolderError is raised only where there is nothing to step: no controls, or a model that
-    does not compile.
+    does not compile; ProblemError for limits that may not be set.
     """
     began = time.perf_counter()
-    for name in ("initial_state", "ctrl", "physics_steps_per_sample"):
-        if name not in trace:
-            raise RunFolderError("trace.npz", f"it lacks {name}", "a trace that can be replayed is needed")
-    replayed = replay(
-        trace.model_xml,
-        trace["initial_state"],
-        trace["ctrl"],
-        int(trace["physics_steps_per_sample"]),
-        trace.columns.get("xfrc_applied"),
-    )
+    numbers = resolve_limits(problem.get("acceptance", {}), limits or {})
+    recipe = read_recipe(trace.columns)
+    check_times(trace.columns, recipe.physics_steps_per_sample, read_world(trace.model_xml).timestep)
+    replayed = replay(trace.model_xml, *recipe)
     stepped = time.perf_counter()
-    numbers = {**load_default_limits(), **problem.get("acceptance", {}), **(limits or {})}
+    differences = find_differences(trace.meta)
     case = Case(
-        problem, plan, trace.columns, replayed, numbers, np.asarray(trace["initial_state"], dtype=np.float64)
+        problem,
+        plan,
+        trace.columns,
+        replayed,
+        numbers,
+        recipe.initial_state,
+        differences,
+        trace.contradictions,
     )
     results = run_checks(case)
     timing = {
@@ -273,6 +145,7 @@ def validate_run(
         "replay_s": round(stepped - began, 3),
         "checks_s": round(time.perf_counter() - stepped, 3),
         **_describe_quiet(case),
+        **_describe_speed(case),
     }
     return ValidationReport(
         name=str(problem.get("name", "")),
@@ -280,11 +153,18 @@ def validate_run(
         checks=results,
         physics=_describe_physics(problem, replayed, case.sample_time),
         timing=timing,
-        versions={
-            "python": platform.python_version(),
-            **{name: _version(name) for name in ("dexplan", "mujoco", "numpy", "osqp", "scipy")},
-        },
+        versions=describe_versions("dexplan", "mujoco", "numpy", "osqp", "scipy"),
         seed=int(problem.get("seed", 0)),
+        machine=describe_machine(),
+        recorded={
+            "versions": trace.meta.get("versions"),
+            "machine": trace.meta.get("machine"),
+            "differences": differences,
+        },
+        loose_limits={
+            limit.name: {"value": limit.value, "default": limit.default}
+            for limit in find_loose_limits(numbers)
+        },
     )
 
 
@@ -298,17 +178,6 @@ def run_checks(case: Case) -> tuple[CheckResult, ...]:
         else:
             results.append(check(case))
     return tuple(results)
-
-
-def load_default_limits() -> dict[str, bool | float]:
-    """Return every limit with its default, from the packaged limits.toml."""
-    return dict(_read_limits())
-
-
-@lru_cache
-def _read_limits() -> Mapping[str, bool | float]:
-    text = resources.files("dexplan.sim").joinpath("limits.toml").read_text(encoding="utf-8")
-    return MappingProxyType(tomllib.loads(text))
 
 
 def _describe_physics(problem: Mapping[str, Any], replayed: Replay, sample_time: float) -> dict[str, Any]:
@@ -350,14 +219,17 @@ def _describe_quiet(case: Case) -> dict[str, Any]:
     }
 
 
-def _spell(value: float | None) -> str:
-    """Return a number with four digits, nothing for None."""
-    return "" if value is None else f"{value:.4g}"
-
-
-def _version(name: str) -> str:
-    """Return the installed version of a package."""
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "not installed"
+def _describe_speed(case: Case) -> dict[str, Any]:
+    """Return how fast the object was asked to turn, how fast its reference turned, and what limited that as the plan has it."""
+    quat = case.reference[:, 3:]
+    known = np.isfinite(quat).all() and len(quat) > 1 and bool((np.linalg.norm(quat, axis=1) > 0).all())
+    fastest = 0.0
+    if known:
+        turn = Rotation.from_quat(quat, scalar_first=True)
+        fastest = float(np.degrees((turn[1:] * turn[:-1].inv()).magnitude().max()) / case.sample_time)
+    planned = case.plan.get("speed")
+    return {
+        "speed_asked_deg_s": case.problem["control"]["speed_deg_s"],
+        "speed_reached_deg_s": round(fastest, 6) if known else None,
+        "speed_limited_by": planned.get("words") if isinstance(planned, Mapping) else None,
+    }

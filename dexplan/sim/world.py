@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.spatial import Array
 
@@ -46,6 +47,8 @@ class World:
     object_mass: float
     home_pose: Array
     timestep: float
+
+    __repr__ = brief_repr
 
 
 def read_world(model_xml: str) -> World:

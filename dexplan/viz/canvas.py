@@ -7,6 +7,9 @@ from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+SOFTWARE = "dexplan"
+"""Stands in the metadata of every picture, by which a later run knows what it may replace."""
+
 
 def write_picture(canvas: FigureCanvasAgg, path: str | os.PathLike[str]) -> Path:
     """Write the canvas as a PNG at ``path``, its folder made where it is missing; return the path."""
@@ -14,7 +17,7 @@ def write_picture(canvas: FigureCanvasAgg, path: str | os.PathLike[str]) -> Path
     target.parent.mkdir(parents=True, exist_ok=True)
     partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
     try:
-        canvas.print_png(partial)
+        canvas.print_png(partial, metadata={"Software": SOFTWARE})
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)

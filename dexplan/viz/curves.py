@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dexplan.brief import brief_repr
 from dexplan.planning.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
@@ -31,6 +32,8 @@ class Curves:
     rotation_error_deg: Array
     turned_deg: Array
     turned_reference_deg: Array
+
+    __repr__ = brief_repr
 
 
 def compute_curves(problem: Mapping[str, Any] | None, plan: Plan, trace: Trace) -> Curves:

@@ -241,17 +241,23 @@ def _write_heading(
     goal = plan.goal_kind.replace("_", " ")
     turn = "" if plan.turned_angle is None else f", {np.degrees(plan.turned_angle):+.0f}°"
     figure.text(
-        0.07, 0.972, f"{name}: {goal}{turn}", fontsize=16, weight="bold", va="center", parse_math=False
+        0.07, 0.979, f"{name}: {goal}{turn}", fontsize=16, weight="bold", va="center", parse_math=False
     )
     failure = trace.meta.get("failure")
     if report is not None:
-        line = report.summary_line()
+        line = report.verdict_line()
     else:
         line = "not judged yet" if failure is None else f"not judged yet; {failure}"
     is_bad = failure is not None or (report is not None and not report.is_passed)
-    line = line if len(line) <= 150 else line[:149] + "…"
     color = ALARM if is_bad else INK
-    figure.text(0.07, 0.948, line, fontsize=11, color=color, va="center", parse_math=False)
+    figure.text(0.07, 0.955, _cut(line, 150), fontsize=11, color=color, va="center", parse_math=False)
+    for k, said in enumerate(() if report is None else report.reservations):
+        place = 0.938 - 0.013 * k
+        figure.text(0.07, place, _cut(said, 190), fontsize=9, color=ALARM, va="center", parse_math=False)
+
+
+def _cut(line: str, length: int) -> str:
+    return line if len(line) <= length else line[: length - 1] + "…"
 
 
 def _draw_keys(figure: Figure, plan: Plan, rows: tuple[GaitRow, ...]) -> None:
@@ -269,7 +275,7 @@ def _draw_keys(figure: Figure, plan: Plan, rows: tuple[GaitRow, ...]) -> None:
     figure.legend(
         handles=handles,
         loc="center left",
-        bbox_to_anchor=(0.065, 0.922),
+        bbox_to_anchor=(0.065, 0.908),
         ncols=len(handles),
         frameon=False,
         fontsize=9.5,

@@ -15,7 +15,9 @@ from matplotlib.image import imread
 
 from dexplan.errors import RunFolderError
 from dexplan.planning.plan import Action, Plan
+from dexplan.run_folder import check_replaceable
 from dexplan.sim.trace import Trace
+from dexplan.viz.canvas import SOFTWARE
 from dexplan.viz.palette import INK, get_finger_color
 from dexplan.viz.timeline import build_action_spans
 from dexplan.viz.video import render_frames
@@ -105,7 +107,7 @@ def draw_frames(
     partial = target.with_name(f".{target.name}.partial")
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
-        figure.savefig(partial, format="png")
+        figure.savefig(partial, format="png", metadata={"Software": SOFTWARE})
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)
@@ -115,6 +117,7 @@ def draw_frames(
 def draw_run_frames(folder: str | os.PathLike[str], most: int = MOST_FRAMES, camera: str = CAMERA) -> Path:
     """Write ``frames.png`` into a run folder; return its path.  Raises RunFolderError for anything but a run folder."""
     folder = Path(folder)
+    check_replaceable(folder / "frames.png")
     for name in ("trace.npz", "plan.json"):
         if not (folder / name).is_file():
             raise RunFolderError(

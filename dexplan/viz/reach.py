@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.brief import brief_repr
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.hand import HandModel
 from dexplan.planning.regions import Regions, compute_pair_angle_max, compute_regions
@@ -41,6 +42,8 @@ class PairLoads:
     is_admissible: NDArray[np.bool_]
     refusals: dict[str, int]
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True, eq=False)
 class Reach:
@@ -50,6 +53,8 @@ class Reach:
     azimuths: Array
     phi_min: float
     loads: tuple[PairLoads, ...]
+
+    __repr__ = brief_repr
 
 
 @lru_cache(maxsize=1)

@@ -23,8 +23,15 @@ from dexplan.errors import DexplanError, RenderError, UnknownNameError
 from dexplan.planning.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, make_pose
+from dexplan.viz.canvas import SOFTWARE
 from dexplan.viz.palette import as_rgb, get_finger_color
-from dexplan.viz.timeline import choose_axis, compute_turned_angle, describe_action, read_finger_names
+from dexplan.viz.timeline import (
+    choose_axis,
+    compute_turned_angle,
+    describe_action,
+    read_caption,
+    read_finger_names,
+)
 
 try:
     import mujoco
@@ -50,6 +57,9 @@ class SceneRenderer:
         self, trace: Trace, plan: Plan | None, size: tuple[int, int], camera: str, is_still: bool
     ) -> None:
         self._trace, self._plan, self._size = trace, plan, size
+        missing = [name for name in ("time", "qpos") if name not in trace]
+        if missing:
+            raise RenderError(f"the trace lacks {' and '.join(missing)}; a trace of a run is needed")
         self._names = read_finger_names(trace)
         self._model = model = mujoco.MjModel.from_xml_string(trace.model_xml)
         cameras = [model.camera(k).name for k in range(model.ncam)]
@@ -65,7 +75,7 @@ class SceneRenderer:
         self._object = model.joint("object/free/")
         self._poses = _fill_poses(trace["qpos"])
         address = int(self._object.qposadr[0])
-        turned = compute_turned_angle(self._poses[:, address : address + 7], choose_axis(plan))
+        turned = compute_turned_angle(self._poses[:, address : address + 7], choose_axis(plan, trace))
         self._turned_deg = np.degrees(turned)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -133,10 +143,13 @@ class SceneRenderer:
         return self._picture[::-1].copy()
 
     def _describe(self, sample: int) -> str:
-        if self._plan is None or "action_index" not in self._trace:
+        if "action_index" not in self._trace:
             return ""
+        action = int(self._trace["action_index"][sample])
         phase = int(self._trace["phase_index"][sample]) if "phase_index" in self._trace else 0
-        return describe_action(self._plan, int(self._trace["action_index"][sample]), phase)
+        if self._plan is not None:
+            return describe_action(self._plan, action, phase)
+        return read_caption(self._trace, action, phase)
 
     def _measure(self, sample: int) -> str:
         # Adding zero turns -0 into 0.
@@ -189,9 +202,12 @@ def _film(renderer: SceneRenderer, trace: Trace, job: Mapping[str, Any], size: t
     """Draw the run in real time and hand each picture to the encoder."""
     fps, time = job["fps"], trace["time"]
     count = max(1, round(float(time[-1] - time[0]) * fps))
+    is_gif = job["container"] == ".gif"
+    # The process stands in a folder of its own, which is removed with all that is in it.
+    film = "film.mp4" if is_gif else job["video"]
     with tempfile.TemporaryFile() as complaints:
         encoder = subprocess.Popen(
-            _encoder_command(job["ffmpeg"], size, fps, job["video"]),
+            _encoder_command(job["ffmpeg"], size, fps, film),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=complaints,
@@ -208,6 +224,25 @@ def _film(renderer: SceneRenderer, trace: Trace, job: Mapping[str, Any], size: t
             complaints.seek(0)
             lines = complaints.read().decode(errors="replace").strip().splitlines()
             raise RenderError(f"the video could not be encoded: {lines[-1] if lines else 'no reason given'}")
+    if is_gif:
+        _as_gif(job["ffmpeg"], film, job["video"], fps)
+
+
+def _as_gif(ffmpeg: str, film: str, path: str, fps: float) -> None:
+    """Turn a film into a GIF: one palette for all of it, and of each picture only what changed.  In two passes, for one would
+    hold the whole film in memory.
+    """
+    palette = f"{film}.png"
+    quiet = [ffmpeg, *["-hide_banner", "-loglevel", "error", "-y", "-i"], film]
+    used = "[0:v][1:v]paletteuse=dither=none:diff_mode=rectangle"
+    for command in (
+        [*quiet, "-vf", "palettegen=stats_mode=full", palette],
+        [*quiet, "-i", palette, "-lavfi", used, "-r", str(fps), "-loop", "0", "-f", "gif", path],
+    ):
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
+        if done.returncode != 0:
+            lines = done.stderr.decode(errors="replace").strip().splitlines()
+            raise RenderError(f"the GIF could not be encoded: {lines[-1] if lines else 'no reason given'}")
 
 
 def _encoder_command(ffmpeg: str, size: tuple[int, int], fps: float, path: str) -> list[str]:
@@ -215,7 +250,8 @@ def _encoder_command(ffmpeg: str, size: tuple[int, int], fps: float, path: str) 
     taken = f"-f rawvideo -pix_fmt rgb24 -s {size[0]}x{size[1]} -framerate {fps} -i -"
     tags = "setparams=range=tv:colorspace=bt709:color_primaries=bt709:color_trc=bt709"
     colours = f"scale=in_range=pc:out_range=tv:out_color_matrix=bt709,format=yuv420p,{tags}"
-    given = f"-an -c:v libx264 -preset veryfast -crf 20 -vf {colours} -movflags +faststart -f mp4"
+    given = f"-an -c:v libx264 -preset veryfast -crf 20 -vf {colours} -movflags +faststart"
+    given += f" -metadata comment={SOFTWARE} -f mp4"
     return [ffmpeg, *f"-hide_banner -loglevel error -y {taken} {given}".split(), path]
 
 

@@ -98,10 +98,35 @@ def describe_action(plan: Plan, action_index: int, phase_index: int = 0) -> str:
     return text
 
 
-def choose_axis(plan: Plan | None) -> Array:
-    """Return the world axis (3,) about which to count the turn: the goal's, its attitude's, or upwards."""
+def build_captions(plan: Plan) -> dict[str, Any]:
+    """Return what a film says of ``plan``, as JSON data that a trace may carry: a text per action and phase, and the axis [W]."""
+    texts = [
+        [describe_action(plan, k, p) for p in range(max(1, len(action.phases)))]
+        for k, action in enumerate(plan.actions)
+    ]
+    return {"actions": texts, "axis_W": choose_axis(plan).tolist()}
+
+
+def read_caption(trace: Trace, action_index: int, phase_index: int) -> str:
+    """Return the text that the trace itself carries for a phase of an action; empty where it carries none."""
+    captions = trace.meta.get("captions")
+    texts = captions.get("actions") if isinstance(captions, dict) else None
+    if not isinstance(texts, list) or not 0 <= action_index < len(texts):
+        return ""
+    phases = texts[action_index]
+    is_there = isinstance(phases, list) and 0 <= phase_index < len(phases)
+    return str(phases[phase_index]) if is_there else ""
+
+
+def choose_axis(plan: Plan | None, trace: Trace | None = None) -> Array:
+    """Return the world axis (3,) about which to count the turn: the goal's, its attitude's, what the trace says, or upwards."""
     if plan is None:
-        return np.array(_UPWARDS)
+        captions = {} if trace is None else trace.meta.get("captions")
+        axis = np.array(
+            captions.get("axis_W", _UPWARDS) if isinstance(captions, dict) else _UPWARDS, dtype=float
+        )
+        is_direction = axis.shape == (3,) and np.isfinite(axis).all() and np.linalg.norm(axis) > 1e-6
+        return axis / np.linalg.norm(axis) if is_direction else np.array(_UPWARDS)
     if plan.axis_W is not None:
         return plan.axis_W
     turn = Rotation.from_matrix(plan.X_WO_goal[:3, :3] @ plan.X_WO_start[:3, :3].T).as_rotvec()

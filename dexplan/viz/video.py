@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -21,8 +22,13 @@ from dexplan.sim.trace import Trace
 
 BACKENDS = ("egl", "osmesa")
 """GL platforms that need no display, in the order in which they are tried."""
+FILMS = (".mp4", ".gif")
+STILLS = (".png",)
+"""What can be written, by suffix."""
 SIZE = (640, 480)
 FPS = 30.0
+GIF_FPS = 20.0
+"""A GIF counts in hundredths of a second; more pictures would not keep the time of the run."""
 CAMERA = "overview"
 
 NO_RENDERER = (
@@ -45,9 +51,11 @@ def render_video(
 ) -> Path:
     """Write the film of ``trace`` at the speed of the run, whole or not at all; return its path.
 
-    H.264 in yuv420p.  Without a plan the caption has no action.  ``progress`` is called with the share done.
-    Raises RenderError where nothing can be drawn on this machine, and for an odd size or unknown camera.
+    ``.mp4`` is H.264 in yuv420p, ``.gif`` an animation of at most 20 pictures a second.  Captions come from the plan, without
+    one from what the trace carries; marks of goal contacts need the plan.  ``progress`` is called with the share done.
+    Raises RenderError where nothing can be drawn on this machine, and for another suffix, an odd size or an unknown camera.
     """
+    _check_suffix(Path(path), FILMS)
     with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
         files = _save_values(trace, plan, Path(folder))
         return _film(*files, Path(path), size, fps, camera, progress)
@@ -82,6 +90,7 @@ def render_frame(
 ) -> Path:
     """Write the sample nearest to ``time`` [s] as PNG, with shadows and smooth edges; return its path."""
     target = Path(path)
+    _check_suffix(target, STILLS)
     _draw_stills(trace, plan, {target: time}, size, camera)
     return target
 
@@ -131,8 +140,12 @@ def _film(
         raise RenderError(
             f"a video of {size[0]}x{size[1]} cannot be encoded; even width and height are accepted"
         )
+    container = target.suffix.lower()
+    if container == ".gif":
+        fps = min(fps, GIF_FPS)
+    film = {"fps": fps, "ffmpeg": _find_encoder(), "container": container}
     partial = _partial(target)
-    film = {"video": str(partial.absolute()), "fps": fps, "ffmpeg": _find_encoder()}
+    film["video"] = str(partial.absolute())
     try:
         _run_job(_build_job(trace, plan, size, camera, **film), progress)
         partial.replace(target)
@@ -145,11 +158,22 @@ def _find_encoder() -> str:
     import imageio_ffmpeg
 
     try:
-        return str(imageio_ffmpeg.get_ffmpeg_exe())
+        encoder = str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError as error:
         raise RenderError(
             "no video encoder was found; install ffmpeg, or imageio-ffmpeg from a wheel that brings one"
         ) from error
+    if shutil.which(encoder) is None:
+        raise RenderError(
+            f"the video encoder {encoder!r} is no program; unset IMAGEIO_FFMPEG_EXE or let it name an ffmpeg"
+        )
+    return encoder
+
+
+def _check_suffix(path: Path, accepted: tuple[str, ...]) -> None:
+    if path.suffix.lower() not in accepted:
+        fact = f"has the suffix {path.suffix!r}" if path.suffix else "has no suffix"
+        raise RenderError(f"{str(path)!r} {fact}; accepted: {' or '.join(accepted)}")
 
 
 def _partial(target: Path) -> Path:
@@ -199,6 +223,8 @@ def _attempt(job: Mapping[str, Any], backend: str, progress: Progress | None) ->
     package_home = str(Path(__file__).resolve().parents[2])
     search = os.pathsep.join(filter(None, [package_home, os.environ.get("PYTHONPATH")]))
     environment = {**os.environ, "MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend, "PYTHONPATH": search}
+    # What the process says is read as UTF-8, and it draws with a canvas that needs no window, whatever is set here.
+    environment |= {"PYTHONIOENCODING": "utf-8", "MPLBACKEND": "agg"}
     # Its own folder as working directory, because MuJoCo writes its log where it stands.
     with tempfile.TemporaryDirectory(prefix="dexplan-") as folder, tempfile.TemporaryFile() as complaints:
         job_path = Path(folder) / "job.json"

@@ -11,6 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from dexplan import pipeline
+from dexplan.brief import brief_repr
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.hand import HandModel
@@ -50,6 +51,8 @@ class Question:
     contacts: tuple[Array, ...]
     R_WO: Array
 
+    __repr__ = brief_repr
+
     def as_problem(self, task: Task) -> Problem:
         """Return the question as a problem."""
         contacts = tuple(as_azimuth_elevation(n) for n in self.contacts)
@@ -77,6 +80,8 @@ class Attempt:
     problem: Problem
     plan: Plan
     planning_s: float
+
+    __repr__ = brief_repr
 
     @property
     def is_fair(self) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dexplan import pipeline
+from dexplan.brief import brief_repr
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Plan
@@ -26,6 +27,8 @@ class Question:
     number: int
     start: tuple[Array | None, ...]
     goal: RotationGoal
+
+    __repr__ = brief_repr
 
     def as_problem(self, problem: Problem) -> Problem:
         """Return the question as a problem with the hand, object and friction of ``problem``."""
@@ -46,6 +49,8 @@ class Attempt:
     question: Question
     plan: Plan
     planning_s: float
+
+    __repr__ = brief_repr
 
     @property
     def is_fair(self) -> bool:

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.witness import experiments
 from dexplan.witness.experiments import EXPERIMENTS, Experiment, compute_load_aware, run
 from dexplan.witness.outcome import (
@@ -110,6 +111,8 @@ class PhaseDiagram:
     curves: tuple[CurvePoint, ...]
     grid: tuple[GridPoint, ...]
     settings: dict[str, Any] = field(default_factory=dict)
+
+    __repr__ = brief_repr
 
     @property
     def misses(self) -> tuple[GridPoint, ...]:

@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
+from dexplan.brief import brief_repr
 from dexplan.planning.goal import VERTICAL, RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Plan
@@ -58,6 +59,8 @@ class Chain:
     asked: int
     reason: str
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True)
 class GoalResult:
@@ -94,6 +97,8 @@ class Endurance:
     trace: Trace
     report: ValidationReport
     goals: tuple[GoalResult, ...]
+
+    __repr__ = brief_repr
 
     @property
     def failure(self) -> str:

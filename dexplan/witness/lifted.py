@@ -15,6 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.scene.chain import compute_tip_pose, solve_ik
 from dexplan.scene.description import SceneParameters
@@ -102,6 +103,8 @@ class LiftedFinger:
     lifted_is_off: bool
     torque_share_wanted: float
     outcome: Outcome
+
+    __repr__ = brief_repr
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data."""

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
+from dexplan.brief import brief_repr
 from dexplan.contact.manoeuvre import RollingTriangle
 from dexplan.errors import DexplanError
 from dexplan.planning.admissible import Admissibility
@@ -21,6 +22,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
 from dexplan.planning.roll import Roll
 from dexplan.planning.roll_gait import as_roll, build_roll, end_placement, follow_roll, judge_ways
+from dexplan.planning.tip_rotation import refuse_rotation
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.replay import replay
@@ -60,6 +62,8 @@ class RollTrial:
     ball_mm: float
     ball_deg: float
 
+    __repr__ = brief_repr
+
     def as_dict(self) -> dict[str, Any]:
         """Return the trial as JSON data."""
         return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
@@ -89,6 +93,8 @@ class Stand:
     place_deg: tuple[float, float]
     hand: HandModel
     plan: Plan
+
+    __repr__ = brief_repr
 
     @classmethod
     def build(cls, problem: Problem, place_deg: tuple[float, float] = PLACES_DEG[0]) -> Stand:
@@ -124,6 +130,8 @@ class Stand:
                 return None, refusal
             contacts[leg.finger] = end_placement(leg, before, q[-1])
             actions.append(_build_action(first, tuple(contacts), leg))
+        if refusal := refuse_rotation(self.hand, actions):
+            return None, refusal
         actions.append(replace(last, contacts_end=tuple(contacts)))
         return replace(self.plan, actions=tuple(actions), status=SOLVED), ""
 

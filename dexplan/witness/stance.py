@@ -19,6 +19,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
+from dexplan.brief import brief_repr
 from dexplan.contact.friction import NORMAL
 from dexplan.grasp.grasp import map_contact
 from dexplan.scene.chain import (
@@ -58,6 +59,8 @@ class Stance:
     bias: Array
     torque_maps: Array
     state: Array
+
+    __repr__ = brief_repr
 
     def compute_torques(self, forces: Array) -> Array:
         """Return joint torques (..., F, J) [N m] that press with ``forces`` (..., N, 4) and carry the fingers' own weight."""

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dexplan import pipeline
+from dexplan.brief import brief_repr
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.plan import SOLVED, Action, Plan
 from dexplan.planning.roll_gait import RollToPair, build_roll_actions
-from dexplan.problems.check import PATCH_PER_TIP
+from dexplan.problems.derived import PATCH_PER_TIP
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 
@@ -32,6 +33,8 @@ class ThreeToTwo:
     verdict: str
     failures: tuple[str, ...]
     turn: str
+
+    __repr__ = brief_repr
 
 
 def build_three_to_two(problem: Problem, *, is_early: bool = False) -> tuple[Plan | None, str]:

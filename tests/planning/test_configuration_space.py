@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.configuration_space import TOUCH, classify, compute_tip_gaps, explain_obstruction
+from dexplan.planning.configuration_space import TOUCH, classify, compute_tip_gaps
 from dexplan.planning.hand import HandModel
 from dexplan.planning.still import build_landings
 from dexplan.problems.problem import Obstacle
@@ -128,19 +128,3 @@ def test_gaps_are_mujocos_distances(hand: HandModel, scene: Scene) -> None:
 def test_no_posture(hand: HandModel, q: Array) -> None:
     with pytest.raises(ValueError, match="finite joint angles"):
         classify(hand, q)
-
-
-def test_an_obstacle_where_a_finger_waits_is_named() -> None:
-    assert explain_obstruction(build_beside(Obstacle("box", (0.0, 0.0, 0.108), (0.06, 0.06, 0.004)))) == ""
-    post = Obstacle("capsule", (0.07, 0.0, 0.16), (0.01, 0.05))
-    reason = explain_obstruction(build_beside(post))
-    assert "finger_1" in reason
-    assert "obstacle_1" in reason
-    assert "move or shrink the obstacle" in reason
-    plan = pipeline.plan(replace(load_problem("hold_three"), obstacles=(post,)))
-    assert (plan.status, plan.reason, plan.actions) == ("blocked", reason, ())
-
-
-def build_beside(obstacle: Obstacle) -> HandModel:
-    problem = replace(load_problem("hold_three"), obstacles=(obstacle,))
-    return pipeline.build_hand(problem, pipeline.build_scene(problem))

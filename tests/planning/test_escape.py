@@ -15,7 +15,7 @@ from dexplan.planning import planner
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.cost import Improvement
 from dexplan.planning.escape import ALIKE, COUNT, ENOUGH, FURTHEST, Escape, count_room, find_escapes
-from dexplan.planning.goal import RotationGoal, build_routes
+from dexplan.planning.goal import RotationGoal, build_routes, list_swings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held, Landfall
 from dexplan.planning.legs import Leg
@@ -203,5 +203,4 @@ def test_who_has_room_goes_straight(
 
 def count_straight(hand: HandModel, question: Question) -> int:
     """Return how many routes of the goal's own there are but the first."""
-    planning = planner._Planning(hand, question.goal, question.start, BUDGET, GAITS, Improvement())
-    return len(build_routes(question.goal, planning._choose_swings())) - 1
+    return len(build_routes(question.goal, list_swings(hand.p_WF_home))) - 1

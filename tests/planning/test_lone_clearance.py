@@ -26,7 +26,7 @@ def barred() -> HandModel:
 
 
 def probe(hand: HandModel, finger: int, center: Array, normal: Array, gap: float) -> str:
-    """Return what the probe itself says of the finger at ``gap`` [m] over the ball; "" where the place is out of reach."""
+    """Return what the probe itself says of the finger at ``gap`` [m] over the ball, the others away; "" out of reach."""
     X = build_aligned(hand, finger, center, normal[None])
     X[:, :3, 3] += gap * normal
     q, reached = solve_tip_pose(hand.workspaces[finger], X)
@@ -34,8 +34,8 @@ def probe(hand: HandModel, finger: int, center: Array, normal: Array, gap: float
         return ""
     posture = hand.q_home
     posture[finger] = q[0]
-    touching = () if gap else (finger,)
-    clearance, names = hand.probe.compute_clearance(posture, make_pose(p=center), touching)
+    touching, others = () if gap else (finger,), tuple({0, 1, 2} - {finger})
+    clearance, names = hand.probe.compute_clearance(posture, make_pose(p=center), touching, others)
     return f"{names} too near" if clearance < hand.limits.clearance else ""
 
 

@@ -26,6 +26,7 @@ from dexplan.planning.regions import Regions, compute_regions
 from dexplan.planning.sampling import sample_start
 from dexplan.planning.search import GaitSearch
 from dexplan.planning.theorems import check_theorem_1, check_theory_3
+from dexplan.scene.description import Nearness
 from dexplan.scene.workspace import spread_directions
 from dexplan.spatial import Array
 
@@ -39,8 +40,18 @@ Start = tuple[Array | None, ...]
 class Bodiless:
     """Answers for fingers that take no room and weigh nothing."""
 
-    def compute_clearance(self, q: Array, X_WO: Array, touching: tuple[int, ...]) -> tuple[float, str]:
+    def compute_clearance(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> tuple[float, str]:
         return 1.0, ""
+
+    def find_nearest(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> Nearness:
+        return Nearness(1.0, "")
+
+    def find_overlaps(self) -> tuple[Nearness, ...]:
+        return ()
 
     def compute_gravity_torque(self, q: Array) -> Array:
         return np.zeros_like(q)

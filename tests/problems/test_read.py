@@ -17,6 +17,7 @@ from dexplan.problems.override import parse_assignment
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.read import build_problem, list_problems, load_problem, set_override
 from dexplan.problems.rules import load_limits
+from dexplan.sim.limits import INTEGRITY
 
 GOAL = "[goal]\nrotation = { axis = [0.0, 0.0, 1.0], angle_deg = 90.0 }\n"
 HEAD = 'format = 1\nname = "p"\n'
@@ -221,7 +222,11 @@ BAD_VALUES: list[tuple[str, Any, str]] = [
     ("goal.rotation.axis", [0, 0, 0], "goal.rotation.axis: [0.0, 0.0, 0.0] has no direction"),
     ("goal.rotation.axis", [0, 1], "goal.rotation.axis: [0, 1] does not fit; accepted: three numbers"),
     ("goal.orientation_wxyz", [1, 0, 0, 0], "both rotation and orientation_wxyz"),
-    ("goal.contacts_deg", [[0, 0], [120, 0], [240, 0]], 'given for kind = "object_manipulation"'),
+    (
+        "goal",
+        {"kind": "object_manipulation", "contacts_deg": [[0, 0], [120, 0], [240, 0]]},
+        'given for kind = "object_manipulation"',
+    ),
     ("goal.order", "later", "goal.order: 'later' does not fit"),
     ("gait.primitives", ["substitute"], "gait.primitives[0]: 'substitute' does not fit"),
     ("gait.primitives", ["rewind", "rewind"], "repeats itself"),
@@ -284,8 +289,31 @@ def test_only_a_grasp_adjustment_may_keep_the_object() -> None:
         load_problem("hold_two", {"goal": {**goal, "keep_object": "yes"}})
 
 
+@pytest.mark.parametrize("name", INTEGRITY)
+def test_integrity_cannot_be_set(name: str) -> None:
+    default = load_limits()[name]
+    # Run folders write all defaults out.
+    assert load_problem("hold_two", {f"acceptance.{name}": default}).acceptance[name] == default
+    for value in (default + 1.0, 1000, default + 1e-12):
+        with pytest.raises(ProblemError) as caught:
+            load_problem("hold_two", {f"acceptance.{name}": value})
+        assert str(caught.value).startswith(
+            f"hold_two: acceptance.{name}: {value:g} is given for what cannot be set"
+        )
+        assert str(caught.value).endswith(f"accepted: {default:g}, or no such line")
+
+
+@pytest.mark.parametrize("value", [-1.0, -1e-300, float("nan"), float("inf"), -float("inf")])
+def test_limits_are_numbers_from_nothing_up(value: float) -> None:
+    for name in load_limits():
+        with pytest.raises(ProblemError, match=f"acceptance.{name}: .* accepted: "):
+            load_problem("hold_two", {f"acceptance.{name}": value})
+
+
 def test_limits_may_be_replaced_but_not_invented() -> None:
     for name, default in load_limits().items():
+        if name in INTEGRITY:
+            continue
         value: bool | float = (not default) if isinstance(default, bool) else default + 1.0
         assert load_problem("hold_two", {f"acceptance.{name}": value}).acceptance[name] == value
         with pytest.raises(ProblemError, match=f"did you mean '{name}'"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -147,10 +148,30 @@ def spun_tip() -> np.ndarray:
     return rotation
 
 
+def rounded_tip() -> np.ndarray:
+    """Return tip rotations of a finger whose contact goes out on the tip by 30 deg, round by 80 deg, and back."""
+    time = np.linspace(0.0, 3.0, len(held().replay.time))
+    out, around = np.interp(time, [0, 1, 2, 3], [0, 30, 30, 0]), np.interp(time, [0, 1, 2, 3], [0, 0, 80, 80])
+    rotation = np.array(held().replay.tip_rotation)
+    inward = held().replay.object_pose[0, :3] - held().replay.tip_position[0, 0]
+    first = rotation[0, 0].T @ inward / np.linalg.norm(inward)
+    aside = np.cross(first, [0.0, 1.0, 0.0]) / np.linalg.norm(np.cross(first, [0.0, 1.0, 0.0]))
+    axes = Rotation.from_rotvec(np.radians(around)[:, None] * first).apply(aside)
+    rotation[:, 0] = rotation[:, 0] @ Rotation.from_rotvec(-np.radians(out)[:, None] * axes).as_matrix()
+    return rotation
+
+
 def free_third() -> Case:
     """A plan by which finger 3 must not touch, while it is near."""
     table = {"finger_1": "must", "finger_2": "must", "finger_3": "must_not"}
     return replace(held(), plan=make_plan([table]))
+
+
+def edited_plan(change: Callable[[dict[str, Any]], Any], **sections: Any) -> Case:
+    """Return the held case with its plan edited, perhaps judged by another problem."""
+    plan = copy.deepcopy(make_plan())
+    change(plan)
+    return replace(held(), plan=plan, problem=make_problem(**sections))
 
 
 R = "replay"
@@ -163,6 +184,44 @@ FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
     ("trace_consistent", "active", lambda: with_columns(contact_active=~held().replay.contact_active)),
     ("trace_consistent", "point", lambda: with_columns(contact_point_O=held().replay.contact_point_O + 1e-3)),
     ("physics_untouched", "heavier", lambda: with_problem(object={"mass_kg": 0.05})),
+    ("files_agree", "status", lambda: edited_plan(lambda p: p.update(status="no_gait"))),
+    ("files_agree", "no actions", lambda: edited_plan(lambda p: p.update(actions=[]))),
+    ("files_agree", "fingers", lambda: edited_plan(lambda p: p.update(fingers=["a", "b", "c"]))),
+    ("files_agree", "kind", lambda: edited_plan(lambda p: p["goal"].update(kind="grasp_adjustment"))),
+    (
+        "files_agree",
+        "start",
+        lambda: edited_plan(lambda p: p["start"].update(object_pose=[*HOME[:2], 0.17, *HOME[3:]])),
+    ),
+    ("files_agree", "goal", lambda: with_problem(goal={"translation_m": [0.0, 0.0, 0.01]})),
+    (
+        "files_agree",
+        "whole turns",
+        lambda: with_problem(goal={"rotation": {"axis": [0, 0, 1], "angle_deg": 360.0}}),
+    ),
+    (
+        "files_agree",
+        "start contacts",
+        lambda: with_problem(start={"contacts_deg": [[1.0, 0], [120.0, 0], [240.0, 0]]}),
+    ),
+    (
+        "files_agree",
+        "free at the start",
+        lambda: with_problem(start={"contacts_deg": [[0, 0], [120, 0], "free"]}),
+    ),
+    (
+        "files_agree",
+        "goal contacts",
+        lambda: with_problem(goal={"contacts_deg": [[0, 0], [120, 0], [242, 0]]}),
+    ),
+    (
+        "files_agree",
+        "chain",
+        lambda: edited_plan(
+            lambda p: p["actions"].append({**p["actions"][0], "object_pose_start": [0.01, *HOME[1:]]})
+        ),
+    ),
+    ("files_agree", "told by the folder", lambda: replace(held(), contradictions=("two models",))),
     ("phases_in_order", "no such", lambda: with_columns(action_index=np.ones(250, dtype=int))),
     ("phases_in_order", "left out", lambda: replace(held(), plan=make_plan([{}, {}]))),
     (
@@ -298,6 +357,7 @@ FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
         "rim",
         lambda: with_replay(tip_contact_angle=held().replay.tip_contact_angle + 1.5),
     ),
+    ("tip_rotation_max", "goes round", lambda: with_replay(tip_rotation=rounded_tip())),
     (
         "force_prediction_error",
         "overestimates",
@@ -444,6 +504,19 @@ def rolled_case(slide_share: float) -> Case:
         base, tip_position=position, tip_rotation=rotation, object_pose=np.tile(base.object_pose[0], (T, 1))
     )
     return replace(held(), replay=rolled)
+
+
+@pytest.mark.parametrize("gamma", [60.0, 75.0, 85.0])
+def test_a_tip_goes_round_as_far_as_the_problem_lets_it(gamma: float) -> None:
+    """Out and back is no rotation, however far; what is rolled across is, seen from where the contact set out."""
+    tampered = replace(
+        with_problem(hand={"tip_rotation_limit_deg": gamma}).replay, tip_rotation=rounded_tip()
+    )
+    case = replace(with_problem(hand={"tip_rotation_limit_deg": gamma}), replay=tampered)
+    found = dict(CHECKS)["tip_rotation_max"](case)
+    assert found.value == pytest.approx(80.0, abs=0.3)
+    assert found.status == ("pass" if gamma > 80.0 else "fail")
+    assert found.limit == pytest.approx(gamma + load_default_limits()["tip_rotation_slack_deg"])
 
 
 def test_rolling_is_told_from_sliding() -> None:

@@ -173,6 +173,48 @@ CHEATS: dict[str, tuple[Callable[[mujoco.MjSpec], None], str]] = {
         assign(lambda s: s.joint("finger_1/joint_2"), stiffness=[5.0]),
         "stiffness of joint finger_1/joint_2",
     ),
+    "lighter link": (
+        assign(lambda s: s.geom("finger_1/link_2"), mass=0.02),
+        "mass of body finger_1/link_2",
+    ),
+    "longer link": (
+        assign(lambda s: s.body("finger_2/link_5"), pos=[0.1, 0, 0]),
+        "position of body finger_2/link_5",
+    ),
+    "tip measured elsewhere": (
+        assign(lambda s: s.site("finger_1/tip_center"), pos=[0.041, 0, 0]),
+        "position of site finger_1/tip_center",
+    ),
+    "tip beside its centre": (
+        assign(lambda s: s.geom("finger_1/tip"), pos=[0.041, 0, 0]),
+        "position of geom finger_1/tip",
+    ),
+    "thin link": (assign(lambda s: s.geom("finger_3/link_4"), size=[0.001]), "size of geom finger_3/link_4"),
+    "wide joint": (
+        assign(lambda s: s.joint("finger_1/joint_1"), range=[-3, 3]),
+        "range of joint finger_1/joint_1",
+    ),
+    "turned joint": (
+        assign(lambda s: s.joint("finger_1/joint_2"), axis=[0, 0, 1]),
+        "axis of joint finger_1/joint_2",
+    ),
+    "stiff servo": (
+        assign(lambda s: s.actuator("finger_1/servo_2"), gainprm=[80.0], biasprm=[0.0, -80.0, -0.6]),
+        "gainprm of actuator finger_1/servo_2",
+    ),
+    "moved base": (assign(lambda s: s.body("finger_1/"), pos=[0.17, 0, 0.21]), "position of body finger_1/"),
+    "moved home": (assign(lambda s: s.body("object/"), pos=[0, 0, 0.165]), "position of body object/"),
+    "raised floor": (assign(lambda s: s.geom("floor"), pos=[0, 0, 0.02]), "position of geom floor"),
+    "extra link": (
+        lambda s: s.body("finger_1/link_6").add_geom(
+            name="finger_1/nail", size=[0.003, 0, 0], pos=[0.06, 0, 0]
+        ),
+        "geom 'finger_1/nail' is not in the scene",
+    ),
+    "clamped servo": (
+        assign(lambda s: s.actuator("finger_1/servo_2"), ctrlrange=[-1e-3, 1e-3], ctrllimited=1),
+        "a control is out of its actuator's range",
+    ),
     "strong servo": (
         assign(lambda s: s.actuator("finger_1/servo_2"), forcerange=[-5.0, 5.0]),
         "torque limit of actuator finger_1/servo_2",
@@ -227,10 +269,24 @@ def test_control_that_is_no_number_is_found() -> None:
         make_problem(object={"radius_m": 0.03}),
         make_problem(object={"mass_kg": 0.05}),
         make_problem(hand={"tip_radii_m": [0.018, 0.018]}),
+        make_problem(hand={"base_azimuths_deg": [0.0, 121.0, 240.0]}),
+        make_problem(hand={"joint_ranges_deg": {"finger_2.joint_3": [10.0, 90.0]}}),
+        make_problem(scene="no_such_scene"),
         make_problem(control={"physics_profile": "portable"}),
         make_problem(obstacles=[{"kind": "box", "pos_m": [0, 0, 0], "size_m": [0.1, 0.1, 0.1]}]),
     ],
-    ids=["sliding", "torsional", "radius", "mass", "fingers", "profile", "obstacle"],
+    ids=[
+        "sliding",
+        "torsional",
+        "radius",
+        "mass",
+        "fingers",
+        "base",
+        "range",
+        "scene",
+        "profile",
+        "obstacle",
+    ],
 )
 def test_model_of_another_problem_is_found(problem: dict[str, Any]) -> None:
     assert check_physics_untouched(replace(honest(), problem=problem)).status == "fail"

@@ -9,12 +9,13 @@ import pytest
 from short_runs import build_plan_reference, failed, simulate
 
 from dexplan import pipeline
+from dexplan.contact.manoeuvre import RollingTriangle
 from dexplan.control.reference import Reference
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.plan import Plan
 from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import build_roll
+from dexplan.planning.roll_gait import as_roll, build_roll
 from dexplan.planning.rolling_carry import plan_rolling_turn
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
@@ -136,6 +137,21 @@ def test_plan_with_rolls_survives_its_file(plan: Plan, tmp_path_factory: pytest.
     assert Plan.load(path).as_dict() == plan.as_dict()
     (roll,) = again.actions[1].rolls
     np.testing.assert_allclose(roll.X_OF, plan.actions[1].rolls[0].X_OF, atol=1e-11)
+
+
+def test_a_triangle_wider_than_gamma_fails() -> None:
+    """One run of a rolling triangle with an apex of 60 deg: right for a tip that may go round by 75 deg, wrong for one by 45."""
+    stand = Stand.build(build_roll_problem(place_deg=(226.0, 0.0)), (226.0, 0.0))
+    triangle = RollingTriangle(0.018, 0.035, np.radians(18.0), np.radians(60.0))
+    path = triangle.roll(stand.start.X_OF, compute_heading(stand.start, 0.0), 61)
+    plan, why = stand.plan_roll([as_roll(stand.start.finger, path, k) for k in range(3)])
+    assert plan is not None, why
+    trace = pipeline.rollout(stand.problem, plan)
+    report = pipeline.validate(stand.problem, plan, trace)
+    assert report.is_passed, report.table()
+    assert report["tip_rotation_max"].value == pytest.approx(60.0, abs=1.5)
+    narrow = replace(stand.problem, hand=replace(stand.problem.hand, tip_rotation_limit_deg=45.0))
+    assert failed(pipeline.validate(narrow, plan, trace)) == {"tip_rotation_max"}
 
 
 def test_object_turns_on_rolling_contacts() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from short_runs import (
 )
 
 from dexplan import pipeline
+from dexplan.sim import rollout as rollout_module
 from dexplan.sim.replay import replay
 from dexplan.sim.rollout import rollout
 from dexplan.sim.validate import CHECKS
@@ -155,3 +157,30 @@ def test_start_off_its_home_is_led_back() -> None:
     # The error at the first sample is the start's own, and it counts.
     assert report["position_error_max"].value >= 1e3 * miss[0] - 1e-9
     assert report.is_passed, report.table()
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError, MemoryError])
+def test_a_run_that_is_cut_short_carries_what_was_recorded(
+    error: type[BaseException], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the middle of a sample, too: the columns are as long as the shortest."""
+    problem = hold_problem("hold_three", "firm")
+    plan = plan_of(problem)
+    whole = pipeline.rollout(problem, plan)
+    step, count = rollout_module.Controller.step, iter(range(10**6))
+
+    def stop(self: Any, observation: Any) -> Any:
+        if next(count) == 30:
+            raise error
+        return step(self, observation)
+
+    monkeypatch.setattr(rollout_module.Controller, "step", stop)
+    with pytest.raises(error) as caught:
+        pipeline.rollout(problem, plan)
+    trace = caught.value.trace  # type: ignore[attr-defined]
+    assert 10 < trace.sample_count < 30
+    assert trace.meta["failure"].startswith("cut short: ")
+    for name in ("qpos", "ctrl", "contact_force"):
+        np.testing.assert_array_equal(trace[name], whole[name][: trace.sample_count])
+    monkeypatch.undo()
+    assert not pipeline.validate(problem, plan, trace).is_passed

@@ -9,8 +9,9 @@ import pytest
 from held_ball import STEPS, record
 
 from dexplan.errors import RunFolderError
+from dexplan.sim import trace as trace_module
 from dexplan.sim.replay import replay
-from dexplan.sim.trace import Trace
+from dexplan.sim.trace import Trace, check_columns, check_replayable
 from dexplan.sim.world import read_world
 
 
@@ -111,3 +112,99 @@ def test_replay_names_what_does_not_fit() -> None:
         replay("<mujoco><nonsense/></mujoco>", run["initial_state"], run["ctrl"], STEPS)
     with pytest.raises(RunFolderError, match="lacks fingertips"):
         replay("<mujoco/>", run["initial_state"], run["ctrl"], STEPS)
+
+
+def _whole() -> dict[str, np.ndarray]:
+    T, F = 5, 3
+    return {
+        "time": np.arange(T) * 0.004,
+        "qpos": np.zeros((T, 7)),
+        "qvel": np.zeros((T, 6)),
+        "ctrl": np.zeros((T, 18)),
+        "initial_state": np.zeros(20),
+        "physics_steps_per_sample": np.array(4),
+        "object_pose_reference": np.zeros((T, 7)),
+        "action_index": np.zeros(T, dtype=int),
+        "contact_active": np.zeros((T, F), dtype=bool),
+        "contact_rotation_O": np.zeros((T, F, 3, 3)),
+        "contact_force": np.zeros((T, F, 4)),
+        "tip_contact_angle": np.zeros((T, F)),
+    }
+
+
+def _spoil(values: np.ndarray, place: object, value: float) -> np.ndarray:
+    spoilt = values.copy()
+    spoilt[place] = value  # type: ignore[index]
+    return spoilt
+
+
+FOREIGN = {
+    "many steps": (
+        {"physics_steps_per_sample": np.array(10**12)},
+        "physics_steps_per_sample is 1000000000000",
+    ),
+    "no steps": ({"physics_steps_per_sample": np.array(0)}, "a whole number from 1 to"),
+    "steps backward": ({"physics_steps_per_sample": np.array(-4)}, "physics_steps_per_sample is -4"),
+    "part of a step": ({"physics_steps_per_sample": np.array(4.0)}, "is of type float64"),
+    "steps per sample": ({"physics_steps_per_sample": np.full(5, 4)}, "has shape (5,)"),
+    "text": ({"ctrl": np.full((5, 18), "0")}, "ctrl is of type <U1"),
+    "complex": ({"qpos": np.zeros((5, 7), dtype=complex)}, "qpos is of type complex128"),
+    "one axis": ({"ctrl": np.zeros(5)}, "ctrl has shape (5,)"),
+    "shorter": ({"ctrl": np.zeros((4, 18))}, "5 as in time is needed, not 4"),
+    "other fingers": ({"contact_force": np.zeros((5, 2, 4))}, "3 as in contact_active is needed, not 2"),
+    "other width": ({"contact_force": np.zeros((5, 3, 3))}, "4 as in the format is needed, not 3"),
+    "no truth": ({"contact_active": np.zeros((5, 3))}, "contact_active is of type float64; booleans"),
+    "nan": (
+        {"ctrl": _spoil(np.zeros((5, 18)), (2, 3), np.nan)},
+        "ctrl holds values that cannot be simulated",
+    ),
+    "infinite": ({"initial_state": _spoil(np.zeros(20), 3, np.inf)}, "initial_state holds values"),
+    "huge": ({"initial_state": _spoil(np.zeros(20), 3, 1e200)}, "initial_state holds values"),
+    "back in time": ({"time": np.arange(5)[::-1] * 1.0}, "time does not always grow"),
+    "standing time": ({"time": np.zeros(5)}, "time does not always grow"),
+    "disturbance": ({"xfrc_applied": np.zeros((5, 6))}, "xfrc_applied has shape (5, 6)"),
+}
+
+
+@pytest.mark.parametrize(("changes", "message"), FOREIGN.values(), ids=list(FOREIGN))
+def test_a_foreign_trace_is_told_in_one_sentence(
+    changes: dict[str, np.ndarray], message: str, tmp_path: Path
+) -> None:
+    path = Trace("<mujoco/>", {**_whole(), **changes}, {}).save(tmp_path / "trace.npz")
+    with pytest.raises(RunFolderError) as caught:
+        Trace.load(path)
+    assert message in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert len(str(caught.value)) < 400
+
+
+def test_a_trace_that_diverged_is_read() -> None:
+    """Its last sample is no number, and the control that would have followed neither."""
+    columns = _whole()
+    columns["qpos"] = _spoil(columns["qpos"], -1, np.nan)
+    columns["ctrl"] = _spoil(columns["ctrl"], -1, np.nan)
+    check_replayable(Trace("<mujoco/>", columns, {}))
+
+
+@pytest.mark.parametrize("name", ["ctrl", "initial_state", "physics_steps_per_sample"])
+def test_what_is_replayed_may_not_be_missing(name: str) -> None:
+    columns = _whole()
+    del columns[name]
+    check_columns(Trace("<mujoco/>", columns, {}))
+    with pytest.raises(RunFolderError, match=f"lacks {name}"):
+        check_replayable(Trace("<mujoco/>", columns, {}))
+
+
+def test_a_trace_without_samples_cannot_be_judged() -> None:
+    columns = {k: v[:0] if v.ndim and len(v) == 5 else v for k, v in _whole().items()}
+    with pytest.raises(RunFolderError, match="no samples"):
+        check_replayable(Trace("<mujoco/>", columns, {}))
+
+
+def test_a_file_that_unpacks_to_too_much_is_not_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = Trace("<mujoco/>", _whole(), {}).save(tmp_path / "trace.npz")
+    monkeypatch.setattr(trace_module, "LARGEST", 1000)
+    with pytest.raises(RunFolderError, match="it unpacks to"):
+        Trace.load(path)

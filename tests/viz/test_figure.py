@@ -8,10 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 from turning_run import AXIS, make_plan, make_trace
 
+from dexplan.sim.checks_case import CheckResult
 from dexplan.sim.trace import Trace
+from dexplan.sim.validate import ValidationReport
 from dexplan.spatial import as_pose7, make_pose, rotate_about
 from dexplan.viz.curves import compute_curves, compute_utilisation
 from dexplan.viz.figure import draw_summary
@@ -141,3 +144,30 @@ def test_summary_of_a_run_that_diverged_can_be_drawn(tmp_path: Path) -> None:
     qpos[-5:] = np.nan
     broken = Trace(trace.model_xml, {**trace.columns, "qpos": qpos}, {"failure": "the simulation diverged"})
     assert draw_summary(None, make_plan(), broken, None, tmp_path / "summary.png").is_file()
+
+
+def test_summary_says_what_the_verdict_rests_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Looser limits and a record from elsewhere have lines of their own, whatever is cut off the verdict."""
+    said: list[str] = []
+    write = Figure.text
+
+    def spy(self: Figure, x: float, y: float, s: str, **given: object) -> object:
+        said.append(s)
+        return write(self, x, y, s, **given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Figure, "text", spy)
+    report = ValidationReport(
+        name="a",
+        verdict="pass",
+        checks=(CheckResult("turned_angle", "pass", 0.1, 0.5, "deg"),),
+        physics={},
+        timing={},
+        versions={},
+        seed=0,
+        recorded={"differences": ["processor 'A', here 'B'"]},
+        loose_limits={"penetration_max_um": {"value": 400.0, "default": 150.0}},
+    )
+    draw_summary(None, make_plan(), make_trace(), report, tmp_path / "summary.png")
+    assert "PASS a: turn off by 0.1 deg" in said
+    assert "limits looser than default (1): penetration_max_um 400 instead of 150" in said
+    assert "recorded elsewhere (processor 'A', here 'B'), judged from the replay" in said

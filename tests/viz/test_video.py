@@ -13,7 +13,9 @@ from matplotlib.image import imread
 from turning_run import make_plan, make_trace
 
 from dexplan.errors import RenderError, RunFolderError
+from dexplan.sim.trace import Trace
 from dexplan.viz import video
+from dexplan.viz.timeline import build_captions, choose_axis, read_caption
 
 SIZE = (320, 240)
 
@@ -129,3 +131,59 @@ def test_no_renderer_is_one_sentence_with_the_cure(tmp_path: Path, monkeypatch: 
     assert "libosmesa6" in sentence
     assert [note.split(":")[0] for note in caught.value.__notes__] == ["egl", "none_such"]
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["film.avi", "film", "film.mp4.txt", "film.webm", ".gif"])
+def test_other_suffixes_are_refused_before_any_work(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(video, "_run_job", None)
+    with pytest.raises(RenderError, match=r"accepted: \.mp4 or \.gif"):
+        video.render_video(make_trace(), None, tmp_path / name)
+    with pytest.raises(RenderError, match=r"accepted: \.png"):
+        video.render_frame(make_trace(), 0.5, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_gif_is_one_and_keeps_the_time_of_the_run(tmp_path: Path) -> None:
+    path = video.render_video(make_trace(), None, tmp_path / "film.GIF", size=SIZE)
+    data = path.read_bytes()
+    assert data.startswith(b"GIF89a")
+    assert b"NETSCAPE2.0" in data
+    assert len(_read_pictures(path)) == pytest.approx(20, abs=1)
+    assert [p.name for p in tmp_path.iterdir()] == ["film.GIF"]
+
+
+def test_a_trace_carries_its_captions(tmp_path: Path) -> None:
+    """With the plan and without, the same strip is drawn."""
+    plan, trace = make_plan(), make_trace()
+    told = Trace(trace.model_xml, trace.columns, {**trace.meta, "captions": build_captions(plan)})
+    strips = []
+    for k, (source, given) in enumerate([(trace, plan), (told, None), (trace, None)]):
+        path = video.render_frame(source, 0.5, tmp_path / f"{k}.png", plan=given, size=SIZE)
+        strips.append(imread(path)[-14:])
+    np.testing.assert_array_equal(strips[0], strips[1])
+    assert not np.array_equal(strips[0], strips[2])
+
+
+@pytest.mark.parametrize(
+    "captions", [None, 3, [], {}, {"actions": 3}, {"actions": [3]}, {"actions": [[]], "axis_W": [0, 0]}]
+)
+def test_odd_captions_are_none(captions: object) -> None:
+    trace = make_trace()
+    told = Trace(trace.model_xml, trace.columns, {"captions": captions})
+    assert read_caption(told, 0, 0) == ""
+    np.testing.assert_array_equal(choose_axis(None, told), [0.0, 0.0, 1.0])
+
+
+def test_an_encoder_that_is_no_program_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "none"))
+    with pytest.raises(RenderError, match="unset IMAGEIO_FFMPEG_EXE"):
+        video.render_video(make_trace(), None, tmp_path / "film.mp4")
+
+
+def test_a_trace_without_poses_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    trace = make_trace()
+    columns = {k: v for k, v in trace.columns.items() if k != "qpos"}
+    with pytest.raises(RenderError, match="the trace lacks qpos"):
+        video.render_frame(Trace(trace.model_xml, columns, trace.meta), 0.5, tmp_path / "a.png", size=SIZE)

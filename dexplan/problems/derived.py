@@ -1,0 +1,83 @@
+"""Defaults that follow from what the file says: what is left out must never be what a written key is refused for.
+
+All functions work on the plain dict of a problem file, before its types are checked: what is no number or no table is left for
+the checks, which refuse it by its own name.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping
+from typing import Any
+
+from dexplan.problems.problem import FrictionSection, HandSection
+
+PATCH_PER_TIP = 0.3
+"""``torsional_m`` may be at most this times sliding times tip radius: a patch about half as wide as the tip [Hertz]."""
+LONGEST_NAME = 100
+
+ALTERNATIVES = ("rotation", "orientation_wxyz")
+"""Keys of ``[goal]`` of which a problem may have one."""
+
+
+def compute_largest_torsion(sliding: float, tip_radius: float) -> float:
+    """Return the largest torsional friction [m] that a tip of this radius [m] can have at this sliding friction."""
+    return PATCH_PER_TIP * sliding * tip_radius
+
+
+def as_name(text: str) -> str:
+    """Return ``text`` as a problem's name, which is also a folder's: accents are dropped, other signs become ``_``."""
+    plain = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
+    plain = "".join(sign for sign in plain if not unicodedata.combining(sign))
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).lstrip("_.-")[:LONGEST_NAME].rstrip("_.-")
+    return name or "problem"
+
+
+def fill_derived(data: dict[str, Any]) -> None:
+    """Write into ``data`` the defaults that depend on other keys, where it leaves them out."""
+    friction = data.get("friction", {})
+    if isinstance(friction, dict) and "torsional_m" not in friction:
+        torsional = _derive_torsion(data)
+        if torsional is not None:
+            data["friction"] = {**friction, "torsional_m": torsional}
+    goal = data.get("goal")
+    if isinstance(goal, dict) and "kind" not in goal:
+        data["goal"] = {**goal, "kind": _derive_kind(goal)}
+
+
+def forget_derived(data: dict[str, Any]) -> None:
+    """Take the torsional friction out of ``data`` where :func:`fill_derived` would write the same, so that it follows what is
+    replaced next.
+
+    A run folder's copy has all defaults written out, and has to take the same ``--set`` as the file that it came from.
+    """
+    friction = data.get("friction")
+    if isinstance(friction, dict) and "torsional_m" in friction:
+        rest = {key: value for key, value in friction.items() if key != "torsional_m"}
+        if friction["torsional_m"] == _derive_torsion({**data, "friction": rest}):
+            data["friction"] = rest
+
+
+def _derive_torsion(data: Mapping[str, Any]) -> float | None:
+    """Return the default torsional friction [m]: the usual one, or what the smallest tip can have if that is less."""
+    friction, hand = data.get("friction", {}), data.get("hand", {})
+    if not (isinstance(friction, dict) and isinstance(hand, dict)):
+        return None
+    sliding = friction.get("sliding", FrictionSection.sliding)
+    tips = hand.get("tip_radii_m", HandSection.tip_radii_m)
+    if not isinstance(tips, list | tuple) or not all(_is_positive(x) for x in (sliding, *tips)) or not tips:
+        return None
+    return min(FrictionSection.torsional_m, compute_largest_torsion(sliding, min(tips)))
+
+
+def _is_positive(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < 1e6
+
+
+def _derive_kind(goal: Mapping[str, Any]) -> str:
+    if "contacts_deg" not in goal:
+        return "object_manipulation"
+    shift = goal.get("translation_m")
+    moves = any(key in goal for key in ALTERNATIVES) or (isinstance(shift, list | tuple) and any(shift))
+    return "dextrous_manipulation" if moves else "grasp_adjustment"

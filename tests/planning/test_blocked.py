@@ -1,0 +1,179 @@
+"""What is in the way is named, and only what is in a plan's way is: obstacles, overlaps, fingers at home, joints, friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dexplan import pipeline
+from dexplan.contact.friction import SoftFinger
+from dexplan.planning.admissible import Admissibility
+from dexplan.planning.blocked import explain_obstruction
+from dexplan.planning.hand import HandModel
+from dexplan.planning.pair_survey import explain_no_pair
+from dexplan.planning.plan import Plan
+from dexplan.problems.read import build_problem, load_problem
+
+CASES = Path(__file__).resolve().parents[1] / "cases"
+PAIR = [[-38.0, 0.0], [102.0, 0.0], "free"]
+TURN = {"rotation": {"axis": [0.0, 0.0, 1.0], "angle_deg": 10.0}}
+
+
+def plan(start: Any = PAIR, **sections: Any) -> Plan:
+    data = {"format": 1, "name": "blocked", "start": {"contacts_deg": start}, "goal": TURN}
+    return pipeline.plan(build_problem({**data, **sections}))
+
+
+def sphere(x: float, y: float, z: float, radius: float) -> dict[str, Any]:
+    return {"kind": "sphere", "pos_m": [x, y, z], "size_m": [radius]}
+
+
+def case(name: str) -> Plan:
+    return pipeline.plan(load_problem(CASES / f"{name}.toml"))
+
+
+# -- overlaps that nothing changes ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "finger", "depth"),
+    [
+        (sphere(0.18, 0.0, 0.21, 0.004), 1, 19.0),
+        (sphere(0.18, 0.0, 0.228, 0.004), 1, 1.0),
+        ({"kind": "box", "pos_m": [-0.09, 0.1559, 0.21], "size_m": [0.003, 0.003, 0.003]}, 2, None),
+        ({"kind": "capsule", "pos_m": [-0.09, -0.1559, 0.21], "size_m": [0.004, 0.02]}, 3, 19.0),
+    ],
+)
+def test_an_obstacle_in_a_link_that_never_moves_against_it(
+    obstacle: dict[str, Any], finger: int, depth: float | None
+) -> None:
+    refused = plan(obstacles=[obstacle])
+    assert refused.status == "blocked"
+    assert f"finger_{finger}/link_1" in refused.reason
+    assert "obstacle_1" in refused.reason
+    assert "overlap" in refused.reason
+    assert "move or shrink the obstacle" in refused.reason
+    if depth is not None:
+        assert f"{depth:.1f} mm" in refused.reason
+
+
+def test_the_case_of_an_obstacle_in_a_link_and_of_two_fingers_on_one_base() -> None:
+    inside, shared = case("obstacle_in_link"), case("same_base")
+    assert (inside.status, shared.status) == ("blocked", "blocked")
+    assert "obstacle_1 and finger_1/link_1 overlap by 19.0 mm" in inside.reason
+    assert "finger_1/link_1 and finger_2/link_1 overlap by 30.0 mm" in shared.reason
+    assert "hand.base_azimuths_deg" in shared.reason
+
+
+@pytest.mark.parametrize(
+    "obstacles",
+    [
+        [sphere(0.0, 0.0, 0.0, 0.01)],  # in the floor
+        [sphere(0.3, 0.3, 0.1, 0.02), sphere(0.3, 0.31, 0.1, 0.02)],  # in one another
+        [sphere(0.18, 0.0, 0.08, 0.01)],  # in a base, which stands as still as the obstacle
+        [{"kind": "box", "pos_m": [50.0, 0.0, 0.0], "size_m": [1.0, 1.0, 1.0]}],
+    ],
+)
+def test_overlaps_of_what_stands_still_are_in_nobodys_way(obstacles: list[dict[str, Any]]) -> None:
+    assert plan(obstacles=obstacles).is_solved
+
+
+# -- at home, at the start, at the goal ----------------------------------------------------------------------------------
+
+
+def test_fingers_that_overlap_at_home_are_no_obstacle_where_one_of_them_holds() -> None:
+    near, far = case("two_fingers_side_by_side"), case("two_fingers_far_obstacle")
+    assert near.is_solved, near.reason
+    assert far.is_solved, far.reason
+    # Their first links are 1.4 mm apart whatever they do: neither may ever be free.
+    assert {c.finger for c in near.start_contacts if c is not None} == {0, 1}
+
+
+def test_an_obstacle_where_a_free_finger_waits() -> None:
+    hand = pipeline.build_hand(
+        problem := load_problem("hold_two", {"obstacles": [sphere(*_home(2), 0.01)]}),
+        pipeline.build_scene(problem),
+    )
+    assert explain_obstruction(hand, waiting=(0,)) == ""
+    reason = explain_obstruction(hand, waiting=(2,))
+    assert "finger_3" in reason
+    assert "obstacle_1" in reason
+    assert "move or shrink what is in the way" in reason
+    refused = pipeline.plan(problem)
+    assert (refused.status, refused.reason) == ("blocked", reason)
+
+
+def _home(finger: int) -> tuple[float, float, float]:
+    hand = pipeline.build_hand(problem := load_problem("hold_two"), pipeline.build_scene(problem))
+    x, y, z = hand.p_WF_home[finger].tolist()
+    return x, y, z
+
+
+def test_an_obstacle_in_the_start_posture_is_named() -> None:
+    refused = case("obstacle_in_way")
+    assert refused.status == "blocked"
+    assert "obstacle_1" in refused.reason
+    assert "finger_2" in refused.reason
+    assert "workspace" not in refused.reason
+    assert "move or shrink what is in the way" in refused.reason
+
+
+def test_an_obstacle_in_the_object_at_its_start_and_at_its_goal() -> None:
+    start = plan(obstacles=[sphere(0.0, 0.0, 0.126, 0.003)])
+    assert start.status == "blocked"
+    assert "obstacle_1 and object/surface" in start.reason
+    goal = plan(obstacles=[sphere(0.0, 0.0, 0.11, 0.004)], goal={"translation_m": [0.0, 0.0, -0.014]})
+    assert goal.status == "goal_unreachable"
+    assert "obstacle_1 and object/surface" in goal.reason
+    assert "move or shrink what is in the way" in goal.reason
+
+
+def test_a_ball_too_big_for_fingers_at_home() -> None:
+    refused = case("ball_r75")
+    assert refused.status == "blocked"
+    assert "at home" in refused.reason
+    assert "smaller object" in refused.reason
+    assert "friction" not in refused.reason
+
+
+# -- what is short -------------------------------------------------------------------------------------------------------
+
+
+def test_joint_ranges_that_leave_no_contacts_are_named(hand: HandModel) -> None:
+    lower, upper = hand.fingers[0].chain.lower.copy(), hand.fingers[0].chain.upper.copy()
+    lower[0], upper[0] = -0.05, 0.05
+    chains = [replace(f.chain, lower=lower, upper=upper) for f in hand.fingers]
+    narrow = replace(
+        hand,
+        fingers=tuple(replace(f, chain=c) for f, c in zip(hand.fingers, chains, strict=True)),
+        workspaces=tuple(replace(w, chain=c) for w, c in zip(hand.workspaces, chains, strict=True)),
+    )
+    reason = explain_no_pair(narrow, hand.object.X_WO_home, Admissibility(narrow))
+    assert "joint ranges" in reason
+    assert "widen hand.joint_ranges_deg" in reason
+    assert "friction" not in reason
+    assert explain_no_pair(hand, hand.object.X_WO_home, Admissibility(hand)) == ""
+
+
+def test_friction_and_weight_are_told_apart(hand: HandModel) -> None:
+    slippery = replace(hand, friction=SoftFinger(0.015, 7e-5))
+    reason = explain_no_pair(slippery, hand.object.X_WO_home, Admissibility(slippery))
+    assert "raise the friction" in reason
+    assert "lighter" not in reason
+    heavy = replace(hand, object=replace(hand.object, mass=3.0))
+    reason = explain_no_pair(heavy, hand.object.X_WO_home, Admissibility(heavy))
+    assert "use a lighter object" in reason
+    assert "raise the friction" not in reason
+
+
+def test_fingers_that_meet_at_the_start() -> None:
+    refused = plan([[20.0, 0.0], [62.0, 0.0], [200.0, 0.0]])
+    assert refused.status == "start_inadmissible", refused.reason
+    assert "finger_1" in refused.reason
+    assert "finger_2" in refused.reason
+    assert "raise the friction" not in refused.reason
+    assert np.isfinite(refused.X_WO_goal).all()
