@@ -50,8 +50,8 @@ class AuditAgreement:
     """What a comparison found.
 
     Of ``count`` questions ``feasible`` are, as Clarabel says; ``in_band`` were not compared, ``unsolved`` have no answer of
-    Clarabel's; ``undecided`` are the margins outside the band at which the audit proves nothing.  ``nearest`` is the smallest margin compared; ``seconds`` (count,)
-    of processor time the audit took, without its set-up.
+    Clarabel's; ``undecided`` are the margins outside the band at which the audit proves nothing.  ``nearest`` is the smallest
+    margin compared; ``seconds`` (count,) of processor time the audit took, without its set-up.
     """
 
     count: int
