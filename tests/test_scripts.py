@@ -22,6 +22,8 @@ WRONG = [
     "closure_sweep many",
     "closure_sweep 0",
     "closure_sweep 10 -1",
+    "audit_sweep 1",
+    "audit_sweep 10 1.5",
     "bench nosuch",
     "bench --fast",
     "regions_bench few",

@@ -153,7 +153,7 @@ def validate_run(
         checks=results,
         physics=_describe_physics(problem, replayed, case.sample_time),
         timing=timing,
-        versions=describe_versions("dexplan", "mujoco", "numpy", "scipy"),
+        versions=describe_versions("dexplan", "mujoco", "numpy", "osqp", "scipy"),
         seed=int(problem.get("seed", 0)),
         machine=describe_machine(),
         recorded={

@@ -50,15 +50,15 @@ class AuditAgreement:
     """What a comparison found.
 
     Of ``count`` questions ``feasible`` are, as Clarabel says; ``in_band`` were not compared, ``unsolved`` have no answer of
-    Clarabel's; ``undecided`` are the audit's outside the band.  ``nearest`` is the smallest margin compared; ``seconds`` (count,)
-    the audit took, without its set-up.
+    Clarabel's; ``undecided`` are the margins outside the band at which the audit proves nothing.  ``nearest`` is the smallest
+    margin compared; ``seconds`` (count,) of processor time the audit took, without its set-up.
     """
 
     count: int
     feasible: int
     in_band: int
     unsolved: int
-    undecided: int
+    undecided: tuple[float, ...]
     disagreements: tuple[Disagreement, ...]
     nearest: float
     seconds: Array
@@ -67,14 +67,15 @@ class AuditAgreement:
 def compare(questions: Iterable[ForceQuestion]) -> AuditAgreement:
     """Ask both about every question."""
     audit, seconds = ForceAudit(), []
-    feasible = in_band = unsolved = undecided = 0
+    feasible = in_band = unsolved = 0
+    undecided: list[float] = []
     nearest, differing = np.inf, []
     for number, question in enumerate(questions):
         # The first question of its kind sets OSQP up.
         audit.prepare(question)
-        began = time.perf_counter()
+        began = time.process_time()
         verdict = audit.ask(question).verdict
-        seconds.append(time.perf_counter() - began)
+        seconds.append(time.process_time() - began)
         margin = compute_margin(question)
         if np.isnan(margin):
             unsolved += 1
@@ -85,12 +86,12 @@ def compare(questions: Iterable[ForceQuestion]) -> AuditAgreement:
             continue
         nearest = min(nearest, abs(margin))
         if verdict == UNDECIDED:
-            undecided += 1
+            undecided.append(margin)
         elif (verdict == FEASIBLE) != (margin >= 0.0):
             differing.append(Disagreement(number, margin, verdict))
     times = np.array(seconds)
     return AuditAgreement(
-        len(times), feasible, in_band, unsolved, undecided, tuple(differing), nearest, times
+        len(times), feasible, in_band, unsolved, tuple(undecided), tuple(differing), nearest, times
     )
 
 

@@ -232,6 +232,8 @@ BAD_VALUES: list[tuple[str, Any, str]] = [
     ("gait.primitives", ["rewind", "rewind"], "repeats itself"),
     ("gait.node_budget", 0, "gait.node_budget: 0 is out of range"),
     ("control.physics_profile", "soft", "control.physics_profile: 'soft' does not fit"),
+    ("control.force_solver", "ipopt", "control.force_solver: 'ipopt' does not fit; accepted: \"daqp\" or"),
+    ("control.force_solver", 1, "control.force_solver: 1 does not fit"),
     ("control.speed_deg_s", 0, "control.speed_deg_s: 0.0 is out of range"),
     ("obstacles", [{"kind": "cone", "pos_m": [0, 0, 0], "size_m": [1]}], "obstacles[0].kind: 'cone'"),
     (

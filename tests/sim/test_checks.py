@@ -103,6 +103,12 @@ def with_problem(**sections: Any) -> Case:
     return replace(held(), problem=make_problem(**sections))
 
 
+def leap() -> np.ndarray:
+    """Return a rise (250, 1) within 0.1 s from 0 to 1 m: at 0.5 s it asks for 440 m/s^2."""
+    share = np.clip((held().replay.time[:, None] - 0.4865) / 0.1, 0.0, 1.0)
+    return share**2 * (3.0 - 2.0 * share)
+
+
 def changed(array: np.ndarray, index: Any, value: Any) -> np.ndarray:
     """Return a copy of ``array`` with one entry set."""
     out = np.array(array)
@@ -298,6 +304,21 @@ FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
     ),
     ("force_qp_feasible", "status", lambda: with_columns(qp_status=changed(np.zeros(250), 7, 1))),
     ("force_qp_feasible", "residual", lambda: with_columns(qp_wrench_residual=np.full(250, 0.03 * 0.5886))),
+    (
+        "force_qp_feasible",
+        "too slippery",
+        lambda: with_replay(contact_friction=0.01 * held().replay.contact_friction),
+    ),
+    (
+        "force_qp_feasible",
+        "ceiling",
+        lambda: replace(held(), plan={**make_plan(), "normal_ceiling_N": 0.1}),
+    ),
+    (
+        "force_qp_feasible",
+        "reference leaps",
+        lambda: with_columns(object_pose_reference=held().reference + np.eye(7)[2] * leap()),
+    ),
     ("force_qp_feasible", "nan", lambda: with_columns(qp_wrench_residual=np.full(250, np.nan))),
     (
         "force_cone_margin_min",

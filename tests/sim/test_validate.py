@@ -37,7 +37,7 @@ def test_report_says_what_was_simulated(report: ValidationReport) -> None:
     assert report.physics["implied_patch_radius_mm"] == pytest.approx(7.72, abs=0.01)
     assert report.physics["object_mass_kg"] == pytest.approx(0.06)
     assert report.timing["simulated_s"] == pytest.approx(1.0)
-    assert set(report.versions) == {"python", "dexplan", "mujoco", "numpy", "scipy"}
+    assert set(report.versions) == {"python", "dexplan", "mujoco", "numpy", "osqp", "scipy"}
 
 
 def test_report_survives_its_file(report: ValidationReport, tmp_path: Path) -> None:
