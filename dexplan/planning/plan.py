@@ -19,7 +19,7 @@ from dexplan.errors import RunFolderError
 from dexplan.planning.poses import read_pose, write_pose
 from dexplan.planning.roll import Roll
 from dexplan.planning.speed import PlannedSpeed
-from dexplan.spatial import Array, angles_from_direction, read_only
+from dexplan.spatial import Array, read_only
 
 FORMAT = 1
 
@@ -249,8 +249,12 @@ class Plan:
     def load(cls, path: str | os.PathLike[str]) -> Plan:
         """Read a plan written by :meth:`save`.  Raises RunFolderError for anything else."""
         try:
-            return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            plan = cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+            # Whatever cannot be told and written again is no plan, however it was made.
+            plan.explain()
+            plan.as_dict()
+            return plan
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             raise RunFolderError(
                 str(path), f"cannot be read as a plan ({error})", "a plan.json written by dexplan is accepted"
             ) from error
@@ -329,60 +333,6 @@ class Plan:
 
     def explain(self) -> str:
         """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
-        lines = [f"status: {self.status}" + (f" ({self.reason})" if self.reason else "")]
-        lines += self._goal_words()
-        if self.speed is not None:
-            lines.append(f"speed: {self.speed}")
-        before = self.start_contacts
-        for k, a in enumerate(self.actions):
-            lines.append(f"{k + 1:3d}. {self._sentence(a, before)}")
-            if a.margins:
-                lines.append(
-                    "     margins: " + ", ".join(f"{key} {value:.3g}" for key, value in a.margins.items())
-                )
-            before = a.contacts_end
-        return "\n".join(lines)
+        from dexplan.planning.plan_words import explain_plan
 
-    def _goal_words(self) -> list[str]:
-        """Return one line that says where the fingers have to touch in the end; none where the goal does not."""
-        if self.goal_contacts is None:
-            return []
-        words = []
-        for name, contact in zip(self.fingers, self.goal_contacts, strict=True):
-            if contact is None:
-                words.append(f"{name} free")
-                continue
-            az, el = angles_from_direction(contact.normal_O)
-            words.append(f"{name} at azimuth {az:.1f}, elevation {el:.1f} deg")
-        return [f"goal contacts (on the object): {'; '.join(words)}"]
-
-    def _sentence(self, a: Action, before: tuple[Placement | None, ...]) -> str:
-        holders = " and ".join(self.fingers[i] for i in a.grasping)
-        if a.kind == "move_object":
-            text = f"{self._motion_words(a)}, held by {holders}"
-        elif a.kind == "roll":
-            text = f"roll {' and '.join(self._roll_words(r) for r in a.rolls)} while {holders} hold"
-        elif a.finger is not None:
-            placement = a.contacts_end[a.finger] or before[a.finger]
-            where = ""
-            if placement is not None:
-                az, el = angles_from_direction(a.X_WO_end[:3, :3] @ placement.normal_O)
-                where = f" at azimuth {az:.1f}, elevation {el:.1f} deg (world)"
-            text = f"{a.kind} {self.fingers[a.finger]}{where} while {holders} hold"
-        else:
-            text = f"hold with {holders}"
-        return f"{text}: {a.why}"
-
-    @staticmethod
-    def _motion_words(a: Action) -> str:
-        axis = "(" + ", ".join(f"{x:.2f}" for x in a.axis_W) + ")"
-        shift = 1e3 * (a.X_WO_end[:3, 3] - a.X_WO_start[:3, 3])
-        turn = f"turn the object by {np.degrees(a.angle):.1f} deg about {axis}"
-        if np.linalg.norm(shift) < 0.05:
-            return turn
-        way = "(" + ", ".join(f"{x:.1f}" for x in shift + 0.0) + ") mm"
-        return f"{turn} and shift it by {way}" if a.angle else f"shift the object by {way}"
-
-    def _roll_words(self, roll: Roll) -> str:
-        way = np.degrees(np.arccos(np.clip(roll.normal_O[0] @ roll.normal_O[-1], -1.0, 1.0)))
-        return f"{self.fingers[roll.finger]} over {way:.1f} deg of the object"
+        return explain_plan(self)

@@ -16,7 +16,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.spherical_wrist import solve_near
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
 from dexplan.scene.description import FingerDescription
-from dexplan.spatial import Array, read_only
+from dexplan.spatial import Array, build_frame, read_only
 
 SAMPLES = 17
 """Postures along one path."""
@@ -111,7 +111,9 @@ def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center
     turn = np.cross(directions[0], directions[1])
     angle = np.arctan2(np.linalg.norm(turn), directions[0] @ directions[1])
     if angle > 1e-9:
-        axis = turn / np.linalg.norm(turn)
+        size = np.linalg.norm(turn)
+        # Between opposite places every great circle is the shortest.
+        axis = turn / size if size > 1e-9 else build_frame(directions[0])[:, 0]
         swung = Rotation.from_rotvec(share[:, None] * angle * axis).apply(directions[0])
     else:
         swung = np.broadcast_to(directions[0], (SAMPLES, 3))

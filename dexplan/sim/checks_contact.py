@@ -125,8 +125,12 @@ def check_free_finger_clearance(case: Case) -> CheckResult:
     to_object = OBSTACLE_KINDS.index("object")
     distance[..., to_object] = np.where(near, replay.clearance_horizon, distance[..., to_object])
     labels = tuple(f"{finger} to {kind}" for finger in replay.world.fingers for kind in OBSTACLE_KINDS)
+    flat, sight = distance.reshape(len(samples), -1) * MM, replay.clearance_horizon * MM
     note = "" if free.any() else "no finger is ever free"
-    flat = distance.reshape(len(samples), -1) * MM
+    if free.any() and flat.min() >= sight:
+        # Nobody measured that distance: it is where looking ends.
+        note = f"at least {sight:g} mm: nothing came so near, and distances beyond are not measured"
+        return judge(name, sight, limit, "mm", None, note, at_least=True)
     return judge_worst(name, flat, replay.time[samples], limit, "mm", note, at_least=True, labels=labels)
 
 
