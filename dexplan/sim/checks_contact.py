@@ -170,7 +170,7 @@ def check_creep_rate_max(case: Case) -> CheckResult:
     The slip of every sample is added as a vector in the object frame, so that what comes back does not count.
     A contact that is carried drifts with the speed at which it is carried, so a window in which something moves
     is judged per radian turned: its rate is told as at ``creep_moving_speed_deg_s``, where the limit is
-    ``creep_moving_um_s``.  Slow motion is never judged more strictly than rest.
+    ``creep_moving_um_s``.  Motion too slow for that counts as rest.
     """
     name, replay = "creep_rate_max", case.replay
     is_portable = case.problem["control"]["physics_profile"] == "portable"
@@ -190,9 +190,10 @@ def check_creep_rate_max(case: Case) -> CheckResult:
             steps = slice(start, stop - 1)
             rate = np.linalg.norm(_sum_windows(slip[steps, k], window), axis=1) / duration * UM
             speed = np.degrees(_sum_windows(turned[steps, k], window)) / duration
+            # Motion so slow that it would be judged more strictly than rest is judged as rest.
             is_moving = _sum_windows(moves[steps].astype(np.float64), window) > 0
-            allowed = np.maximum(rest, moving * speed / anchor)
-            rate = np.where(is_moving, rate * moving / allowed, rate)
+            is_moving &= ~(moving * speed < rest * anchor)
+            rate = np.where(is_moving, rate * anchor / np.where(is_moving, speed, 1.0), rate)
             for value, kind, t in zip(rate, is_moving, replay.time[start : stop - window], strict=True):
                 rows[bool(kind)].append((float(value), float(t)))
     parts = []
