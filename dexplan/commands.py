@@ -125,8 +125,14 @@ def validate(folder: Path) -> int:
         else:
             is_news = _read_verdict(folder) != report.summary_line()
             report.save(path)
-            if is_news and (folder / "summary.png").exists():
+            if is_news and run_folder.is_ours(folder / "summary.png"):
                 pipeline.draw_run(folder, problem, plan, trace, report)
+    except (KeyError, ValueError) as error:
+        # A record may lack what only the figure shows, or hold no numbers there; it is judged all the same.
+        print(
+            f"dexplan: summary.png is left as it was (not to be drawn from this trace: {error})",
+            file=sys.stderr,
+        )
     except OSError as error:
         print(f"dexplan: report or figure are left as they were ({error.strerror})", file=sys.stderr)
     return _judge(report)
@@ -211,8 +217,10 @@ class _Output:
             self.folder.mkdir(parents=True, exist_ok=True)
             self.is_open = True
             if self.target.replaced:
-                what = ", ".join(self.target.replaced)
-                print(f"dexplan: replaces what is in {self.folder} of an older run: {what}", file=sys.stderr)
+                names = self.target.replaced
+                kind = "plan" if set(names) <= set(run_folder.PLAN_FILES) else "run"
+                what = f"what is in {self.folder} of an older {kind}: {', '.join(names)}"
+                print(f"dexplan: replaces {what}", file=sys.stderr)
             for name in self.target.replaced:
                 (self.folder / name).unlink(missing_ok=True)
             run_folder.save_problem(self.problem, self.folder / "problem.toml")

@@ -8,6 +8,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+MOST_DECIMALS = 9
+"""Numbers that differ are told apart by at most so many decimals; what agrees in all of them is written out in full."""
+
 
 class DexplanError(Exception):
     """Base of every error that a caller can mend."""
@@ -46,3 +49,15 @@ class OutputError(DexplanError):
 
 class RenderError(DexplanError):
     """No offscreen renderer could be started; says what to install."""
+
+
+def spell_apart(value: float, bound: float, decimals: int = 1) -> tuple[str, str]:
+    """Return two numbers that are compared as text, with as many decimals as it takes to see that they differ.
+
+    A message may say "1.96 mm, and 2.00 mm have to be left", but not "2.0 mm, and 2.0 mm have to be left".
+    """
+    for count in range(decimals, MOST_DECIMALS + 1):
+        texts = f"{value:.{count}f}", f"{bound:.{count}f}"
+        if texts[0] != texts[1]:
+            return texts
+    return repr(float(value)), repr(float(bound))

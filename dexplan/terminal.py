@@ -79,8 +79,12 @@ class Terminated(KeyboardInterrupt):
 def make_printable() -> None:
     """Let stdout and stderr take every text, whatever their encoding; what they lack is written in plainer signs."""
     codecs.register_error("dexplan.plainer", _write_plainer)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            # Closed by whoever started us: what is said goes nowhere.
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - as long as the process
+        elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="dexplan.plainer")
 
 

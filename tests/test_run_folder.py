@@ -243,3 +243,21 @@ def test_a_full_disk_is_no_defect(
         patch.setattr(FakePlan, "save", refuse_plan)
         assert main(["plan", "hold_two", "--out", "there2"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("error", [KeyError("qpos"), ValueError("Found zero norm quaternions")])
+def test_a_figure_that_cannot_be_drawn_keeps_no_verdict_back(
+    error: Exception, pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
+) -> None:
+    """Derived columns may be left out of a trace, and a foreign one may hold anything in them."""
+
+    def refuse(*given: Any) -> None:
+        raise error
+
+    make_older_run(cwd / "there")
+    pipeline.draw_run = refuse
+    assert main(["validate", "there"]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1] == "PASS all"
+    assert err.startswith("dexplan: summary.png is left as it was")
+    assert err.count("\n") == 1

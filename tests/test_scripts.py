@@ -41,6 +41,8 @@ WRONG = [
     "figures nosuch",
     "rolling_sweep --step 0",
     "rolling_sweep --legs nan",
+    "shift_sweep nosuch",
+    "shift_sweep --furthest-mm 0",
     "three_to_two --radii-mm -4",
 ]
 

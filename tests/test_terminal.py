@@ -149,3 +149,10 @@ def test_python_is_told_of_a_gl_platform_that_does_not_exist(monkeypatch: pytest
     monkeypatch.delitem(vars(dexplan), "plan", raising=False)
     with pytest.raises(DexplanError, match="MUJOCO_GL='foo' is no GL platform"):
         _ = dexplan.plan
+
+
+@pytest.mark.parametrize("name", ["stdout", "stderr"])
+def test_a_closed_stream_is_no_defect(name: str, monkeypatch: pytest.MonkeyPatch, cwd: Path) -> None:
+    monkeypatch.setattr(sys, name, None)
+    assert main(["list"]) == 0
+    assert main(["plan", "no_such_problem"]) == 2

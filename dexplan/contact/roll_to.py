@@ -21,6 +21,7 @@ from dexplan.contact.roll_candidates import (
 from dexplan.contact.rolling import SAMPLES, RollingPath, roll_along, split_start
 from dexplan.contact.shapes import Sphere
 from dexplan.contact.turning import any_tangent, build_turn, make_tangent
+from dexplan.errors import spell_apart
 from dexplan.spatial import Array
 
 RollStatus = Literal["found", "start_beyond_limit", "start_not_admissible", "out_of_reach", "not_admissible"]
@@ -116,10 +117,10 @@ def roll_to(
     goal = ball.radial(goal) / ball.radius
     off = float(roll_along(tip.radius, ball.radius, X, [n], 2).polar_angle[0])
     if off > limits.tip_polar_limit + SMALL:
+        given, most = spell_apart(np.degrees(off), np.degrees(limits.tip_polar_limit))
         return RollPlan(
             "start_beyond_limit",
-            f"the contact starts {np.degrees(off):.4g} degrees off the tip's pole; "
-            f"at most {np.degrees(limits.tip_polar_limit):.4g} is accepted",
+            f"the contact starts {given} degrees off the tip's pole; at most {most} is accepted",
         )
     if is_admissible is not None and not is_admissible(X[None]).all():
         return RollPlan(

@@ -12,6 +12,7 @@ from dexplan.contact.integration import integrate_legs
 from dexplan.contact.rolling_path import RollingPath, join_paths
 from dexplan.contact.surface import AbstractSurface
 from dexplan.contact.turning import any_tangent, build_turn, make_tangent
+from dexplan.errors import spell_apart
 from dexplan.spatial import Array
 
 __all__ = [
@@ -181,8 +182,9 @@ def split_start(tip_radius: float, object_radius: float, X_OF_start: ArrayLike) 
     X = np.asarray(X_OF_start, dtype=np.float64)
     reach, distance = tip_radius + object_radius, float(np.linalg.norm(X[:3, 3]))
     if not abs(distance - reach) <= _TOUCHING * reach:
+        given, touches = spell_apart(1e3 * distance, 1e3 * reach)
         raise ValueError(
-            f"the tip's centre is {1e3 * distance:.4g} mm from the ball's; {1e3 * reach:.4g} mm touches, 1 % off is accepted"
+            f"the tip's centre is {given} mm from the ball's; {touches} mm touches, 1 % off is accepted"
         )
     return X[:3, :3], X[:3, 3] / distance
 

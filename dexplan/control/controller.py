@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
+from dexplan.contact.sphere import require_sphere
 from dexplan.control.observation import Observation
 from dexplan.control.reference import Phase, Reference, smooth_step
 from dexplan.control.rolling import RollOffset
@@ -99,6 +100,7 @@ class Controller:
     """Follows a reference with a scene's hand.  Call :meth:`step` once per tick, in order."""
 
     def __init__(self, scene: Scene, reference: Reference, options: ControlOptions) -> None:
+        require_sphere(scene.object.surface, "the controller")
         self._scene, self._reference, self._options = scene, reference, options
         self._n = scene.n_fingers
         spec = mujoco.MjSpec.from_string(scene.xml)

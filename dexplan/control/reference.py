@@ -47,7 +47,7 @@ class Timing:
     retreat: float = 0.22
     ramp: float = 0.30
     """Time to bring the object up to speed, and to rest again."""
-    touch_timeout: float = 0.15
+    touch_timeout: float = 0.30
     """How much longer than planned a finger may take to find the object."""
     light_load: float = 0.25
     """Share of its full load that a finger bears when it has just touched and before it leaves."""
@@ -65,10 +65,14 @@ class Timing:
     """After a roll tips give way to what it has left them pressing sideways; so long it is still part of the roll."""
     drift: float = 15e-6
     """Greatest drift of a carried contact [m/s] that a motion may cause, see ``contact_time``."""
+    drift_per_radian: float = 30e-6 / float(np.radians(14.0))
+    """Greatest drift of a carried contact [m] for each radian that a motion turns the object, shifts and rolls counted in: twice
+    what is reckoned with at 14 deg/s, so that it slows down motions below 7 deg/s only."""
     contact_time: float = 1e-3
     """A contact constraint of the simulator takes this long [s] to undo tangential velocity.  Its acceleration is J qdd: the
-    velocity-product term is left out, so a contact carried at joint accelerations qdd drifts at about this time times the
-    tangential part of J qdd.  Motions slow down where that matters."""
+    velocity-product term is left out, so a contact carried at joint accelerations qdd slips at about this time times the
+    tangential part of J qdd when a step ends, and not at all when it begins: it drifts half as fast.  Motions slow down where
+    that matters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +278,7 @@ class _PhaseBuilder:
         shift = action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3]
         turned = max((roll.tip_angle for roll in action.rolls), default=0.0)
         cruises = {
-            "drift": 1.0 / self._carry(),
+            "drift": self._carry(shift, turned),
             "object_speed": abs(action.angle) / timing.object_speed,
             "shift_speed": float(np.linalg.norm(shift)) / timing.shift_speed,
             "roll_speed": turned / timing.roll_speed,
@@ -307,8 +311,11 @@ class _PhaseBuilder:
         leaves = self.hovering.pop(finger, None)
         return action.way if action.way is not None else build_journey(who, leaves, comes, motion)
 
-    def _carry(self) -> float:
-        """Follow the holding fingers through the motion; return the progress per second at which no contact drifts too much."""
+    def _carry(self, shift: Array, turned: float) -> float:
+        """Follow the holding fingers through the motion; return how long it has to take [s] so that no contact drifts too much.
+
+        ``shift`` (3,) [m] and ``turned`` [rad], the greatest turn of a rolling tip, count into what drift is allowed per radian.
+        """
         action, timing = self.action, self.timing
         rolls = {roll.finger: roll for roll in action.rolls}
         count = max(
@@ -319,7 +326,11 @@ class _PhaseBuilder:
         X_WO[:, :3, :3] = rotate_about(action.axis_W, share * action.angle) @ action.X_WO_start[:3, :3]
         X_WO[:, :3, 3] += share[:, None] * (action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3])
         push = follow_contacts(self.fingers, self.before, rolls, X_WO, self.postures)
-        return float(np.sqrt(timing.drift / (timing.contact_time * max(push, 1e-9))))
+        push = timing.contact_time * max(push, 1e-9)
+        arm = max(float(np.linalg.norm(c.X_OF[:3, 3])) for c in self.before if c is not None)
+        carried = abs(action.angle) + float(np.linalg.norm(shift)) / arm + turned
+        per_radian = push / (timing.drift_per_radian * carried) if carried > 0.0 else 0.0
+        return max(float(np.sqrt(push / timing.drift)), per_radian)
 
     def _travel_time(self, way: Array) -> float:
         # The smooth step's greatest speed is 15/8 of its mean, and the way is walked at even shares of its postures.

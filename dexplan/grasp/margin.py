@@ -159,3 +159,31 @@ def solve_pyramid_margin(
     if answer.status != 0:  # s is bounded by the mean normal force and may be as small as it likes
         raise RuntimeError(f"the margin program has a solution, but HiGHS says: {answer.message}")
     return answer.x[:-1], float(answer.x[-1])
+
+
+def solve_bounded_margin(grasp: Grasp, wrench: Array, floor: float, ceiling: float) -> float:
+    """Return the normal force [N] to spare at the weakest contact while the contacts exert ``wrench`` (6,) on the object.
+
+        maximise s  s.t.  G f = wrench,  A_i f_i <= -inradius_i s,  floor <= f_n,i <= ceiling
+
+    with A_i the facets of the pyramid inscribed in the cone of contact i.  Negative where friction is short, -inf where no normal
+    forces within the bounds [N] balance the wrench at all.
+    """
+    G, size = compute_grasp_map(grasp), sum(model.dimension for model in grasp.models)
+    rows, bounds = [], list[tuple[float | None, float | None]]([(None, None)] * (size + 1))
+    for model, part in zip(grasp.models, grasp.slices, strict=True):
+        facets = model.facets()
+        table = np.zeros((len(facets), size + 1))
+        table[:, part], table[:, -1] = facets, model.facet_inradius
+        rows.append(table)
+        bounds[part.start + NORMAL] = (floor, ceiling)
+    answer = linprog(
+        np.append(np.zeros(size), -1.0),
+        np.concatenate(rows),
+        np.zeros(sum(len(table) for table in rows)),
+        np.column_stack([G, np.zeros(6)]),
+        wrench,
+        bounds=bounds,
+        method="highs",
+    )
+    return float(answer.x[-1]) if answer.status == 0 else -np.inf

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
+from dexplan.errors import spell_apart
 from dexplan.planning.aligned import build_aligned
 from dexplan.planning.conditions import Condition, classify_nearness
 from dexplan.planning.goal import RotationGoal
@@ -54,10 +55,8 @@ def explain_obstruction(hand: HandModel, waiting: tuple[int, ...] | None = None)
 
 
 def _spell(hand: HandModel, nearest: Nearness, where: str, cure: str) -> str:
-    return (
-        f"{nearest.names} come within {1e3 * nearest.distance:.1f} mm {where}, and {1e3 * hand.limits.clearance:.1f} mm have to "
-        f"be left; {cure}"
-    )
+    left, kept = spell_apart(1e3 * nearest.distance, 1e3 * hand.limits.clearance)
+    return f"{nearest.names} come within {left} mm {where}, and {kept} mm have to be left; {cure}"
 
 
 def _suggest_cure_of_overlap(overlap: Nearness) -> str:
@@ -103,8 +102,8 @@ def explain_contact(
     posture[finger] = q
     nearest = hand.probe.find_nearest(posture, make_pose(p=center), (finger,), list_others(hand, finger))
     if nearest.distance < limits.clearance:
-        gaps = (1e3 * nearest.distance, 1e3 * limits.clearance)
-        why = f"{nearest.names} would come within {gaps[0]:.1f} mm, and {gaps[1]:.1f} mm have to be left"
+        gaps = spell_apart(1e3 * nearest.distance, 1e3 * limits.clearance)
+        why = f"{nearest.names} would come within {gaps[0]} mm, and {gaps[1]} mm have to be left"
         return classify_nearness(nearest), why
     return None, ""
 

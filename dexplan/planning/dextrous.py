@@ -86,14 +86,14 @@ def plan_dextrous_manipulation(
         )
     if order == "simultaneous":
         return _plan_simultaneous(stages, goal, compute_duration or (lambda plan: float(len(plan.actions))))
-    return _plan_in_order(stages, goal, (1.0,) if order == "object_first" else SHARES)
+    return _plan_in_order(stages, goal, (1.0,) if order == "object_first" else SHARES, WORK)
 
 
 def _plan_in_order(
     stages: Stages,
     goal: RotationGoal,
     shares: tuple[float, ...],
-    work: int = WORK,
+    work: int,
     is_simultaneous: bool = False,
 ) -> Plan:
     """Return the plan that adjusts the grasp after the first of ``shares`` of the object's way at which that works."""

@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
+from dexplan.errors import spell_apart
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.hand import HandModel
@@ -36,9 +37,10 @@ def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> tuple[str, str]
         tips = [hand.fingers[k].tip_radius for k in (f, g)]
         between = np.linalg.norm(surface.radial(n) + tips[0] * n - surface.radial(m) - tips[1] * m)
         if (gap := between - sum(tips)) < hand.limits.clearance:
+            left, kept = spell_apart(1e3 * float(gap), 1e3 * hand.limits.clearance)
             return "goal_grasp_inadmissible", (
-                f"the tips of {names[f]} and {names[g]} would come within {1e3 * gap:.1f} mm at their goal contacts, and "
-                f"{1e3 * hand.limits.clearance:.1f} mm have to be left; move the two contacts apart"
+                f"the tips of {names[f]} and {names[g]} would come within {left} mm at their goal contacts, and "
+                f"{kept} mm have to be left; move the two contacts apart"
             )
     grasp = Grasp(tuple(Contact(f, surface.radial(n), build_frame(-n), hand.friction) for f, n in wanted))
     if not check_force_closure(grasp).is_closed:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
+from dexplan.contact.sphere import require_sphere
 from dexplan.scene.description import FingerDescription, Nearness, ObjectDescription
 from dexplan.scene.workspace import Workspace
 from dexplan.spatial import Array
@@ -88,6 +89,9 @@ class HandModel:
     """How far a tip may roll round, seen from where its contact set out: the paper's gamma [rad]."""
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        require_sphere(self.object.surface, "planning")
 
     @cached_property
     def p_WF_home(self) -> Array:

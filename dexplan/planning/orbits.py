@@ -276,7 +276,7 @@ def _measure_runs(
 def measure_roll_room(chain: Chain, margin: float) -> float:
     """Return how far [rad] the last joint can turn while it keeps ``margin`` [rad] to its limits, -1 where it can be nowhere."""
     room = float(chain.upper[-1] - chain.lower[-1]) - 2.0 * margin
-    return max(room, 0.0) if room >= -1e-9 else -1.0
+    return room if room > 1e-9 else -1.0
 
 
 def _measure_windows(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.contact.friction import SoftFinger
+from dexplan.errors import spell_apart
 from dexplan.planning.admissible import Admissibility, compute_finger_states
 from dexplan.planning.aligned import build_aligned
 from dexplan.planning.conditions import Condition, classify_nearness
@@ -32,7 +33,7 @@ MOST = 6_000
 """Pairs of two fingers that are looked at before none is taken to hold; where more are far enough apart, a spread of them."""
 CHUNK = 500
 """Pairs that are looked at in one go."""
-LOOKED_AT, OVERLOADED = 40, 10
+LOOKED_AT, OVERLOADED = 40, 4
 """Pairs of one go that are looked at exactly, and those refused for their load before the others are taken to be."""
 HIGH_FRICTION = 1.5
 """The sliding friction with which is tried whether friction is what is short."""
@@ -167,10 +168,9 @@ class PairSurvey:
         others = tuple(f for f in range(len(hand.fingers)) if f not in (i, j))
         aside = (*(others if self.without is Condition.FINGERS else ()), *self._left_out)
         # The most opposite ones first, then all over; a pose where pairs hold shows that at once.
-        turn = np.argsort(opposite[one, two], kind="stable")[:CHUNK]
-        rest = np.setdiff1d(np.arange(len(one)), turn)
-        rest = np.random.default_rng(0).permutation(rest)[: MOST - CHUNK]
-        order = np.concatenate([turn, rest])
+        order = np.argsort(opposite[one, two], kind="stable")
+        spread = np.random.default_rng(0).permutation(order[CHUNK:])[: MOST - CHUNK]
+        order = np.concatenate([order[:CHUNK], spread])
         one, two = a[one[order]], b[two[order]]
         for first in range(0, len(one), CHUNK):
             part = slice(first, first + CHUNK)
@@ -282,9 +282,7 @@ def explain_no_pair(hand: HandModel, X_WO: Array, admissibility: Admissibility) 
     everyone = tuple(range(len(hand.fingers)))
     alone = hand.probe.find_nearest(hand.q_home, X_WO, (), everyone)
     if alone.distance < (gap := hand.limits.clearance):
-        return (
-            f"{alone.names} would come within {1e3 * alone.distance:.1f} mm there, and {1e3 * gap:.1f} mm have to be left; "
-            f"{Condition.STANDING}"
-        )
+        left, kept = spell_apart(1e3 * alone.distance, 1e3 * gap)
+        return f"{alone.names} would come within {left} mm there, and {kept} mm have to be left; {Condition.STANDING}"
     survey = PairSurvey(hand, X_WO, admissibility)
     return "" if survey.find_pair() is not None else survey.explain()

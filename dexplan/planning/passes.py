@@ -14,8 +14,8 @@ from dexplan.planning.plan import Action
 
 GAVE_UP = "budget_exhausted"
 """Status of a plan where the search stopped with ways left: nobody knows whether one of them leads to the goal."""
-USUAL_BUDGET = 200_000
-"""``gait.node_budget`` for which the limits on work in the tasks with goal contacts are meant; a larger one multiplies them."""
+USUAL_BUDGET = 2_000
+"""The default of ``gait.node_budget``, for which limits on work in tasks with goal contacts are meant; more multiplies them."""
 REST_ANGLES = tuple(np.radians((0.0, 40.0, 80.0)).tolist())
 """So much of the object's turn [rad] is left to that search, in the order in which it is tried: enough for fingers to find room
 on the way, and little enough for the search to stay small."""

@@ -16,9 +16,10 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
+from dexplan.planning.poses import read_pose, write_pose
 from dexplan.planning.roll import Roll
 from dexplan.planning.speed import PlannedSpeed
-from dexplan.spatial import Array, angles_from_direction, as_pose, as_pose7, read_only
+from dexplan.spatial import Array, read_only
 
 FORMAT = 1
 
@@ -177,12 +178,12 @@ class Plan:
             "normal_floor_N": self.normal_floor,
             "normal_ceiling_N": self.normal_ceiling,
             "start": {
-                "object_pose": _pose(self.X_WO_start),
+                "object_pose": write_pose(self.X_WO_start),
                 "contacts": self._contacts(self.start_contacts),
             },
             "goal": {
                 "kind": self.goal_kind,
-                "object_pose": _pose(self.X_WO_goal),
+                "object_pose": write_pose(self.X_WO_goal),
                 "axis_W": None if self.axis_W is None else self.axis_W.tolist(),
                 "turned_angle_deg": None
                 if self.turned_angle is None
@@ -211,8 +212,8 @@ class Plan:
             "limiting_finger": self._name(action.limiting_finger),
             "limit": action.limit,
             "why": action.why,
-            "object_pose_start": _pose(action.X_WO_start),
-            "object_pose_end": _pose(action.X_WO_end),
+            "object_pose_start": write_pose(action.X_WO_start),
+            "object_pose_end": write_pose(action.X_WO_end),
             "rotation": {
                 "axis_W": action.axis_W.tolist(),
                 "angle_deg": round(float(np.degrees(action.angle)), 12),
@@ -221,7 +222,7 @@ class Plan:
             "rolls": [
                 {
                     "finger": self._name(roll.finger),
-                    "X_OF": [_pose(X) for X in roll.X_OF],
+                    "X_OF": [write_pose(X) for X in roll.X_OF],
                     "normal_O": np.round(roll.normal_O, 12).tolist(),
                 }
                 for roll in action.rolls
@@ -248,8 +249,12 @@ class Plan:
     def load(cls, path: str | os.PathLike[str]) -> Plan:
         """Read a plan written by :meth:`save`.  Raises RunFolderError for anything else."""
         try:
-            return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            plan = cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+            # Whatever cannot be told and written again is no plan, however it was made.
+            plan.explain()
+            plan.as_dict()
+            return plan
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             raise RunFolderError(
                 str(path), f"cannot be read as a plan ({error})", "a plan.json written by dexplan is accepted"
             ) from error
@@ -277,8 +282,8 @@ class Plan:
                 kind=a["kind"],
                 finger=None if a["finger"] is None else index[a["finger"]],
                 grasping=tuple(index[n] for n in a["grasping"]),
-                X_WO_start=as_pose(a["object_pose_start"]),
-                X_WO_end=as_pose(a["object_pose_end"]),
+                X_WO_start=read_pose(a["object_pose_start"]),
+                X_WO_end=read_pose(a["object_pose_end"]),
                 axis_W=np.array(a["rotation"]["axis_W"]),
                 angle=float(np.radians(a["rotation"]["angle_deg"])),
                 contacts_end=contacts(a["contacts_end"]),
@@ -290,7 +295,7 @@ class Plan:
                 limit=a["limit"],
                 margins=a["margins"],
                 rolls=tuple(
-                    Roll(index[r["finger"]], np.stack([as_pose(X) for X in r["X_OF"]]), r["normal_O"])
+                    Roll(index[r["finger"]], np.stack([read_pose(X) for X in r["X_OF"]]), r["normal_O"])
                     for r in a.get("rolls", ())
                 ),
                 way=None if a.get("way") is None else np.array(a["way"], dtype=np.float64),
@@ -306,8 +311,8 @@ class Plan:
             reason=data["reason"],
             fingers=tuple(names),
             goal_kind=goal["kind"],
-            X_WO_start=as_pose(data["start"]["object_pose"]),
-            X_WO_goal=as_pose(goal["object_pose"]),
+            X_WO_start=read_pose(data["start"]["object_pose"]),
+            X_WO_goal=read_pose(goal["object_pose"]),
             axis_W=None if goal["axis_W"] is None else np.array(goal["axis_W"]),
             turned_angle=None if turned is None else float(np.radians(turned)),
             start_contacts=contacts(data["start"]["contacts"]),
@@ -328,73 +333,6 @@ class Plan:
 
     def explain(self) -> str:
         """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
-        lines = [f"status: {self.status}" + (f" ({self.reason})" if self.reason else "")]
-        lines += self._goal_words()
-        if self.speed is not None:
-            lines.append(f"speed: {self.speed}")
-        before = self.start_contacts
-        for k, a in enumerate(self.actions):
-            lines.append(f"{k + 1:3d}. {self._sentence(a, before)}")
-            if a.margins:
-                lines.append(
-                    "     margins: " + ", ".join(f"{key} {value:.3g}" for key, value in a.margins.items())
-                )
-            before = a.contacts_end
-        return "\n".join(lines)
+        from dexplan.planning.plan_words import explain_plan
 
-    def _goal_words(self) -> list[str]:
-        """Return one line that says where the fingers have to touch in the end; none where the goal does not."""
-        if self.goal_contacts is None:
-            return []
-        words = []
-        for name, contact in zip(self.fingers, self.goal_contacts, strict=True):
-            if contact is None:
-                words.append(f"{name} free")
-                continue
-            az, el = angles_from_direction(contact.normal_O)
-            words.append(f"{name} at azimuth {az:.1f}, elevation {el:.1f} deg")
-        return [f"goal contacts (on the object): {'; '.join(words)}"]
-
-    def _sentence(self, a: Action, before: tuple[Placement | None, ...]) -> str:
-        holders = " and ".join(self.fingers[i] for i in a.grasping)
-        if a.kind == "move_object":
-            text = f"{self._motion_words(a)}, held by {holders}"
-        elif a.kind == "roll":
-            text = f"roll {' and '.join(self._roll_words(r) for r in a.rolls)} while {holders} hold"
-        elif a.finger is not None:
-            placement = a.contacts_end[a.finger] or before[a.finger]
-            where = ""
-            if placement is not None:
-                az, el = angles_from_direction(a.X_WO_end[:3, :3] @ placement.normal_O)
-                where = f" at azimuth {az:.1f}, elevation {el:.1f} deg (world)"
-            text = f"{a.kind} {self.fingers[a.finger]}{where} while {holders} hold"
-        else:
-            text = f"hold with {holders}"
-        return f"{text}: {a.why}"
-
-    @staticmethod
-    def _motion_words(a: Action) -> str:
-        axis = "(" + ", ".join(f"{x:.2f}" for x in a.axis_W) + ")"
-        shift = 1e3 * (a.X_WO_end[:3, 3] - a.X_WO_start[:3, 3])
-        turn = f"turn the object by {np.degrees(a.angle):.1f} deg about {axis}"
-        if np.linalg.norm(shift) < 0.05:
-            return turn
-        way = "(" + ", ".join(f"{x:.1f}" for x in shift + 0.0) + ") mm"
-        return f"{turn} and shift it by {way}" if a.angle else f"shift the object by {way}"
-
-    def _roll_words(self, roll: Roll) -> str:
-        way = np.degrees(np.arccos(np.clip(roll.normal_O[0] @ roll.normal_O[-1], -1.0, 1.0)))
-        return f"{self.fingers[roll.finger]} over {way:.1f} deg of the object"
-
-
-def _pose(X: Array) -> list[float]:
-    """Return a pose as (x, y, z, qw, qx, qy, qz), rounded so that reading and writing it again changes nothing.
-
-    The largest component of the quaternion follows from the others; rounding all four would leave it off unit length.
-    """
-    pose = np.round(as_pose7(X), 12)
-    quat = pose[3:]
-    quat *= np.sign(quat[np.flatnonzero(quat)[0]])
-    k = int(np.argmax(np.round(np.abs(quat), 6)))
-    quat[k] = np.sign(quat[k]) * np.sqrt(1.0 - (np.delete(quat, k) ** 2).sum())
-    return [float(x) for x in pose + 0.0]
+        return explain_plan(self)

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from dexplan.errors import spell_apart
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.blocked import StartContact, explain_start_contact, may_hold_at
 from dexplan.planning.conditions import Condition
@@ -37,11 +38,8 @@ ROUTE_COST = 12.0
 """The next route is tried whenever so many more nodes have been opened."""
 SPENT = 0.1
 """What every node opened on a route takes from its promise, in placements."""
-
-
 DOUBT = 24
 """Nodes that may be opened although no pair of contacts of a grid holds the object at its goal."""
-
 START_CLOSURE = float(np.radians(1.0))
 """Angle that a pair to start from keeps to the border of the believed friction cones [rad]; pairs that are chosen keep more."""
 FIRST = Improvement()
@@ -216,23 +214,23 @@ class _Planning:
         table = first.tables[0]
         if self.refusal:
             return self._refuse("goal_unreachable", self.refusal)
-        if self.start is not None and not table.has_pair(self._find_held(table)):
-            return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
         if self.is_complete:
-            return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first.reason)}")
+            if self.start is not None and not table.has_pair(self._find_held(table)):
+                return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
+            return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first)}")
         return self._refuse(
             "budget_exhausted",
             f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget",
         )
 
-    def _suggest_cure(self, refusal: str) -> str:
-        """Return what would help where ``refusal`` is the commonest reason not to go on."""
-        cures = [CURE]
-        if "obstacle" in refusal:
-            cures.insert(0, "move or shrink what is in the way")
+    def _suggest_cure(self, search: GaitSearch) -> str:
+        """Return what might help against the commonest reasons not to go on; none of it was tried."""
+        cures = [str(c) for c in dict.fromkeys(search.unmet) if c is not Condition.FRICTION]
         if self.hand.object.allowed_regions:
-            cures.insert(0, "widen object.allowed_regions")
-        return ", or ".join(cures)
+            cures.insert(0, Condition.ALLOWED.value)
+        if not cures or Condition.FRICTION in search.unmet:
+            cures.append(CURE)
+        return f"what may help: {', or '.join(cures)}"
 
     def _refuse(self, status: str, reason: str) -> Plan:
         return _answer(self.hand, self.goal, status, reason, self.contacts, (), self.statistics)
@@ -358,7 +356,9 @@ class _Planning:
             )
         spare = compute_pair_angle_max(self.hand.friction) - table.pair_angle(tuple(held))
         if not refusal and len(held) == 2 and spare < START_CLOSURE:
-            refusal = f"they are force closed with {np.degrees(spare):.1f} deg to spare, {np.degrees(START_CLOSURE):.1f} are kept"
+            refusal = "they are force closed with {} deg to spare, {} are kept".format(
+                *spell_apart(np.degrees(spare), np.degrees(START_CLOSURE))
+            )
         if refusal and (len(held) < 3 or table.has_pair(tuple(held))):
             # Two contacts have to hold alone; of three that do not, rolling may make two that do.
             apart, cure = "", f"move them nearer to opposite, or {CURE}"

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
+from dexplan.grasp.grasp import Contact, Grasp
+from dexplan.grasp.margin import solve_bounded_margin
 from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.joining import Contacts
 from dexplan.planning.stages import Stages
 from dexplan.planning.still import build_landings
 from dexplan.scene.workspace import spread_directions
-from dexplan.spatial import Array, rotate_about
+from dexplan.spatial import GRAVITY, Array, build_frame, rotate_about, rotation_vector
 
 AXES = 96
 """Axes about which turns are tried."""
@@ -24,6 +27,13 @@ WAY_WEIGHT = 0.15
 """How much a turn's own angle counts beside the angle between a contact and where its finger is at home."""
 REFUSALS = 60
 """After so many turns within reach that do not do those that were found are enough; none is not."""
+FEW, CLIMBS = 3, 12
+"""Where fewer turns were found than ``FEW``, others are looked for between those of the grid: from so many of them the load's
+margin is climbed."""
+MEASURED = 200
+"""The margin is measured of about so many turns of the grid at most, some ms each."""
+CLIMB_STEPS = tuple(np.radians((6.0, 3.0, 1.5)).tolist())
+"""Steps of such a climb [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,22 +102,82 @@ class Turns:
                     continue
                 if chosen and len(asked) - len(chosen) >= REFUSALS:
                     return
+        if len(chosen) < FEW:
+            for turn in self._climb():
+                R = rotate_about(turn.axis_W, turn.angle)
+                if any(_measure_between(R, other) < APART[-1] for other in chosen):
+                    continue
+                X_WO = ObjectMotion(stages.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
+                contacts, missing = stages.land_goal(X_WO)
+                if missing or stages.refuse_goal(X_WO, contacts):
+                    self.refused += 1
+                elif may_end is None or may_end(X_WO, contacts):
+                    chosen.append(R)
+                    yield turn
+
+    def _climb(self) -> Iterator[Turn]:
+        """Yield turns between those of the grid in which the goal contacts carry the load best, the best first.
+
+        Contacts that hardly carry the object may do so in a few attitudes only: those in which its weight presses it into them.
+        """
+        grasp, surface = [], self.stages.hand.object.surface
+        for finger, normal in enumerate(self.stages.goal):
+            if normal is not None:
+                friction = self.stages.hand.friction.scaled(self.stages.hand.limits.cone_share)
+                grasp.append(Contact(finger, surface.radial(normal), build_frame(-normal), friction))
+        margin = partial(_measure_load, self.stages, Grasp(tuple(grasp)))
+        some = self.reachable[:: 1 + len(self.reachable) // MEASURED]
+        begun = [rotate_about(turn.axis_W, turn.angle) for turn in some]
+        best = sorted(((margin(R), k) for k, R in enumerate(begun)), key=lambda row: (-row[0], row[1]))
+        tops: list[tuple[float, Array]] = []
+        for value, k in best:
+            if len(tops) >= CLIMBS:
+                break
+            if all(_measure_between(begun[k], R) >= APART[-1] for _, R in tops):
+                tops.append((value, begun[k]))
+        ends = [self._climb_from(margin, value, R) for value, R in tops]
+        for _, R in sorted(ends, key=lambda end: -end[0]):
+            rotvec = rotation_vector(R)
+            angle = float(np.linalg.norm(rotvec))
+            if angle > 1e-9:
+                yield Turn(rotvec / angle, angle, 0.0)
+
+    def _climb_from(self, margin: Callable[[Array], float], value: float, R: Array) -> tuple[float, Array]:
+        """Return the largest margin that small turns lead to from ``R`` (3, 3), and where, within reach all the way."""
+        for step in CLIMB_STEPS:
+            while True:
+                # Turns about the vertical leave the load as it is.
+                near = np.stack([rotate_about(axis, step) @ R for axis in (*np.eye(3)[:2], *-np.eye(3)[:2])])
+                reached = np.isfinite(_measure_away(self.stages, near, self.stages.goal))
+                values = [margin(other) if ok else -np.inf for other, ok in zip(near, reached, strict=True)]
+                if max(values) <= value + 1e-9:
+                    break
+                value, R = max(values), near[int(np.argmax(values))]
+        return value, R
+
+
+def _measure_load(stages: Stages, grasp: Grasp, R: Array) -> float:
+    """Return the margin with which the goal contacts carry the object turned by ``R`` (3, 3)."""
+    hand = stages.hand
+    up = (R @ stages.X_WO[:3, :3]).T @ [0.0, 0.0, hand.object.mass * GRAVITY]
+    wrench = np.concatenate([up, np.zeros(3)])
+    return solve_bounded_margin(grasp, wrench, hand.limits.normal_floor, hand.limits.normal_ceiling)
 
 
 def _find_reachable(stages: Stages, goal: tuple[Array | None, ...] | None = None) -> Iterator[Turn]:
     """Yield the turns that bring all contacts of ``goal`` (by default the stages') within reach."""
     axes = spread_directions(AXES)
     for angle in np.arange(TURN_STEP, np.pi + 1e-9, TURN_STEP):
-        away = _measure_away(stages, axes, float(angle), stages.goal if goal is None else goal)
+        turns = np.stack([rotate_about(axis, float(angle)) for axis in axes])
+        away = _measure_away(stages, turns, stages.goal if goal is None else goal)
         for k in np.flatnonzero(np.isfinite(away)):
             yield Turn(axes[k], float(angle), float(away[k]))
 
 
-def _measure_away(stages: Stages, axes: Array, angle: float, goal: tuple[Array | None, ...]) -> Array:
-    """Return how far (N,) [rad] a finger is from home at most, turned by ``angle`` about ``axes`` (N, 3); inf out of reach."""
+def _measure_away(stages: Stages, turns: Array, goal: tuple[Array | None, ...]) -> Array:
+    """Return how far (N,) [rad] a finger is from home at most after ``turns`` (N, 3, 3) of the object; inf out of reach."""
     hand, R_WO = stages.hand, stages.X_WO[:3, :3]
-    away = np.zeros(len(axes))
-    turns = np.stack([rotate_about(axis, angle) for axis in axes])
+    away = np.zeros(len(turns))
     for finger, normal in enumerate(goal):
         rows = np.flatnonzero(np.isfinite(away))
         if normal is None or not len(rows):

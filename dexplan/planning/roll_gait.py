@@ -16,6 +16,7 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.contact.rolling import RollingPath, roll_turning
+from dexplan.errors import spell_apart
 from dexplan.planning.admissible import Admissibility, Margins, compute_finger_states, worst
 from dexplan.planning.following import follow_tip
 from dexplan.planning.hand import HandModel
@@ -98,7 +99,8 @@ def follow_roll(hand: HandModel, X_WO: Array, roll: Roll, q_start: Array) -> tup
     rounds = np.flatnonzero(swept[1 : len(q)] > hand.tip_rotation_limit + ROUNDING) + 1
     first = min((int(rows[0]) for rows in (leans, stops, rounds) if len(rows)), default=len(q))
     if first in leans:
-        refusal = f"{description.name} would roll {np.degrees(lean[first]):.0f} deg off its tip's pole"
+        far, most = spell_apart(np.degrees(lean[first]), np.degrees(hand.tip_polar_limit), 0)
+        refusal = f"{description.name} would roll {far} deg off its tip's pole, and {most} deg are allowed"
         return q[:first], refusal
     if first in rounds:
         return q[:first], describe_rotation(hand, roll.finger, float(swept[first]))

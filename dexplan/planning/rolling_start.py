@@ -47,28 +47,32 @@ def plan_object_manipulation(
         return plan
     beginnings: _Beginnings = (_FromPair if touching == 2 else _FromThree)(hand, goal, plan)
     refused: list[Plan] = []
-    left = node_budget - int(plan.statistics["nodes"])
-    for number, beginning in enumerate(islice(beginnings.find(), beginnings.most)):
+    left, is_cut = node_budget - int(plan.statistics["nodes"]), False
+    for number, beginning in enumerate(islice(beginnings.find(), beginnings.most + 1)):
         # One budget for all: what an option leaves is for those after it.
-        share = left // (beginnings.most - number)
+        share = left // (beginnings.most - number) if number < beginnings.most else 0
         if share < 1:
+            is_cut = True
             break
         rest = plan_rotation(hand, goal, beginning.start, share, primitives, improvement)
         left -= int(rest.statistics["nodes"])
         if rest.is_solved:
             return _join(plan, beginning, rest)
         refused.append(rest)
-    if not refused:
+    if not refused and not is_cut:
         return replace(plan, reason=f"{plan.reason}; {beginnings.explain()}")
     # Where a search was cut short there may be a gait after all: its words go first, and its status is the plan's.
-    telling = next((r for r in refused if r.status == "budget_exhausted"), refused[0])
-    status = telling.status if telling.status == "budget_exhausted" else plan.status
+    telling = next((r for r in refused if r.status == "budget_exhausted"), refused[0] if refused else plan)
+    status = "budget_exhausted" if is_cut or telling.status == "budget_exhausted" else plan.status
     tried = f"{len(refused)} ways tried" if len(refused) > 1 else "one way tried"
-    return replace(
-        plan,
-        status=status,
-        reason=f"{plan.reason}; after rolling ({tried}): {telling.status}: {telling.reason}",
+    found = (
+        f"after rolling ({tried}): {telling.status}: {telling.reason}" if refused else "rolling comes first"
     )
+    if is_cut and len(refused) < beginnings.most:
+        found += f"; the search gave up with ways to roll left; raise gait.node_budget above {node_budget}"
+    elif is_cut:
+        found += "; the search gave up, for there are more ways to roll; choose another start grasp"
+    return replace(plan, status=status, reason=f"{plan.reason}; {found}")
 
 
 class _Beginnings:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dexplan.planning.admissible import Admissibility, Margins, worst
+from dexplan.planning.conditions import Condition
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.cost import CostWeights, compute_cost
 from dexplan.planning.gaits import Step
@@ -25,6 +26,7 @@ from dexplan.planning.nodes import Node, build_steps, trace_back
 from dexplan.planning.ranking import Ranking
 from dexplan.planning.start_pairs import find_start_pairs
 from dexplan.planning.states import DETOUR_COST, StateChecks, without_numbers
+from dexplan.planning.travel import spell_nearness
 
 TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)
 """Shares of the longest possible motion after which a finger is exchanged."""
@@ -91,8 +93,17 @@ class GaitSearch:
     @property
     def reason(self) -> str:
         """The most common refusals, in words."""
-        common = sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]
-        return "; ".join(text for text, _ in common) or "no placement holds with a finger that holds already"
+        return "; ".join(self._common) or "no placement holds with a finger that holds already"
+
+    @property
+    def _common(self) -> list[str]:
+        return [t for t, _ in sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]]
+
+    @property
+    def unmet(self) -> list[Condition]:
+        """Which conditions the most common refusals are about, as far as is known."""
+        known = {text: condition for checks in self._checks for text, condition in checks.unmet.items()}
+        return [known[text] for text in self._common if text in known]
 
     def judge_start(self, held: tuple[Held, ...]) -> Margins:
         """Return the margins of the first grasp."""
@@ -217,7 +228,7 @@ class GaitSearch:
         node.place_margins = {"clearance_mm": 1e3 * least}
         if least >= limits.clearance:
             return ""
-        refusal = f"{names} come within {1e3 * least:.1f} mm on the way"
+        refusal = spell_nearness(names, least)
         if checks.has_looked_around(node):
             return f"{refusal}, and there is no way around"
         if checks.put_off(node):

@@ -17,6 +17,7 @@ from dexplan.planning.layers import Layers
 from dexplan.planning.relocation_bound import RelocationBound
 from dexplan.planning.states import without_numbers
 from dexplan.planning.still import Stand
+from dexplan.planning.travel import spell_nearness
 from dexplan.scene.workspace import spread_directions
 
 GREED = 2.5
@@ -163,7 +164,7 @@ class AbstractStandSearch(ABC):
         node.way = way if way.around else None
         node.margins["clearance_mm"] = min(node.margins["clearance_mm"], 1e3 * way.clearance)
         if way.clearance < self.layers.hand.limits.clearance:
-            return f"{way.names} come within {1e3 * way.clearance:.1f} mm on the way"
+            return spell_nearness(way.names, way.clearance)
         return ""
 
     def _expand(self, node: Node) -> None:

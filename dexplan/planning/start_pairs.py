@@ -21,7 +21,7 @@ SAMPLES = 200
 """Landing places of every finger that are tried, spread over all."""
 BEST = 400
 """Pairs of two fingers whose loads are computed."""
-REFUSED = 150
+REFUSED = 60
 """Pairs of two fingers that may be refused before no more of the same two are asked about."""
 
 
@@ -105,7 +105,7 @@ def explain_locked_joint(hand: HandModel, finger: int) -> str:
     """Return which joint of a finger has no room between its limits for holding anything, in words; "" where all have."""
     description, margin = hand.fingers[finger], hand.limits.joint_margin
     ranges = description.chain.upper - description.chain.lower
-    if ranges.min() >= 2.0 * margin - 1e-9:
+    if ranges.min() > 2.0 * margin + 1e-9:
         return ""
     name = description.joint_names[int(ranges.argmin())].replace("/", ".")
     return (

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.planning.admissible import Admissibility, Margins
+from dexplan.planning.conditions import Condition, classify_nearness
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.detour import Surroundings
 from dexplan.planning.hand import HandModel
@@ -55,6 +56,8 @@ class StateChecks:
         self._ways: dict[tuple[tuple[int, int, int], Key, bool], Way] = {}
         self._put_off: set[object] = set()
         self._blocked: set[object] = set()
+        self.unmet: dict[str, Condition] = {}
+        """Which condition it is that refusals, numbers left out, are about."""
         self.detours: dict[object, dict[int, Way]] = {}
         """The detours that were found for whoever asked for them, by finger."""
 
@@ -77,9 +80,14 @@ class StateChecks:
             row = self._admissibility.compute_margins_of(
                 states, q, pose, axis_W=self._table.axis_W, explain=explain
             )
-            self._exact[key] = row
+            self._exact[key] = self._note(row)
             self._refusal[key] = row.refusal
         return self._exact[key]
+
+    def _note(self, row: Margins) -> Margins:
+        if row.unmet is not None:
+            self.unmet[without_numbers(row.refusal)] = row.unmet
+        return row
 
     def refuse(self, held: tuple[Held, ...]) -> str:
         """Return why the object cannot be held with ``held``, all other fingers at home; "" where it can: the quick answer."""
@@ -101,11 +109,13 @@ class StateChecks:
             state = self._table.state(h)
             if state.joint < limits.joint_margin or state.dexterity < limits.dexterity:
                 return self.judge(held, explain=False).refusal
-        clearance, names = self._hand.probe.compute_clearance(
+        nearest = self._hand.probe.find_nearest(
             self._postures(held), make_pose(p=self._table.center(held[0])), tuple(h.finger for h in held)
         )
-        if clearance < limits.clearance:
-            return f"{names} come within {1e3 * clearance:.1f} mm"
+        if nearest.distance < limits.clearance:
+            refusal = f"{nearest.names} come within {1e3 * nearest.distance:.1f} mm"
+            self.unmet[without_numbers(refusal)] = classify_nearness(nearest)
+            return refusal
         return "" if verdict == SURE else self.judge(held, explain=False).refusal
 
     def _assess(self, start: tuple[Held, ...]) -> NDArray[np.int8]:
@@ -162,7 +172,7 @@ class StateChecks:
             states = {h.finger: self._table.state(h) for h in held}
             pose = make_pose(p=self._table.center(held[0]))
             row = self._admissibility.compute_margins_of(states, self._postures(held), pose, explain=False)
-            self._together[key] = row.refusal
+            self._together[key] = self._note(row).refusal
         return self._together[key]
 
     def clear_of(self, held: tuple[Held, ...], done: int) -> tuple[float, str]:

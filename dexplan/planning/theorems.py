@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from dexplan.brief import brief_repr
+from dexplan.errors import spell_apart
 from dexplan.planning.icosphere import measure_angle
 from dexplan.planning.regions import Regions
 from dexplan.planning.spherical import SphericalRegion
@@ -61,9 +62,9 @@ def check_theorem_1(
     x = np.stack([_unit(x_i_O), _unit(x_j_O)])
     held = measure_angle(x[0], x[1])
     if held < regions.phi_min - 1e-9:
+        given, needed = spell_apart(float(np.degrees(held)), float(np.degrees(regions.phi_min)))
         raise ValueError(
-            f"fingers {i + 1} and {j + 1} touch {np.degrees(held):.1f} deg apart and do not hold each other; "
-            f"{np.degrees(regions.phi_min):.1f} deg or more are accepted"
+            f"fingers {i + 1} and {j + 1} touch {given} deg apart and do not hold each other; {needed} deg or more are accepted"
         )
     region = regions.contactable[k]
     points, distance = region.level.measure_distance(-x @ region.R_GO.T, 2.0 * regions.theta)
@@ -134,12 +135,13 @@ def check_theory_3(regions: Regions, i: int, j: int, k: int) -> RewindCondition:
     x, y, angle = _find_widest(one, two)
     margin = angle - regions.phi_min
     if margin <= 0.0:
+        farthest, needed = spell_apart(np.degrees(angle), np.degrees(regions.phi_min))
         return RewindCondition(
             False,
             fingers,
             margin,
-            f"Theory 3: no point of {one.name} is farther than {np.degrees(angle):.1f} deg from one of {two.name}, "
-            f"more than {np.degrees(regions.phi_min):.1f} deg are needed{_MAYBE}",
+            f"Theory 3: no point of {one.name} is farther than {farthest} deg from one of {two.name}, "
+            f"more than {needed} deg are needed{_MAYBE}",
         )
     return RewindCondition(True, fingers, margin, "", read_only(x), read_only(y))
 

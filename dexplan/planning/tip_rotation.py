@@ -13,6 +13,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from dexplan.errors import spell_apart
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Action
 from dexplan.planning.roll import Roll
@@ -71,10 +72,8 @@ def refuse_rotation(hand: HandModel, actions: Iterable[Action]) -> str:
 
 def describe_rotation(hand: HandModel, finger: int, swept: float) -> str:
     """Return in words that a tip would go round too far."""
-    return (
-        f"{hand.fingers[finger].name} would roll {np.degrees(swept):.1f} deg round on its tip, and "
-        f"hand.tip_rotation_limit_deg is {np.degrees(hand.tip_rotation_limit):.1f}"
-    )
+    far, limit = spell_apart(np.degrees(swept), np.degrees(hand.tip_rotation_limit))
+    return f"{hand.fingers[finger].name} would roll {far} deg round on its tip, and hand.tip_rotation_limit_deg is {limit}"
 
 
 def _measure_angles(places: Array, about: Array) -> Array:

@@ -129,7 +129,8 @@ def _check_friction(problem: Problem, source: str) -> None:
         patch_mm = 1e3 * friction.torsional_m / (3.0 * math.pi / 16.0 * friction.sliding)
         patch = f"a contact patch of radius {patch_mm:.1f} mm on a tip of {1e3 * tip:g} mm"
         fact = f"{spell(friction.torsional_m)} implies {patch}"
-        accepted = f"accepted: at most 0.3 * sliding * smallest tip radius = {highest:.4g} m"
+        named = math.floor(highest * 1e7) / 1e7 or highest
+        accepted = f"accepted: at most 0.3 * sliding * smallest tip radius = {named:.7g} m"
         raise ProblemError(source, "friction.torsional_m", fact, accepted)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
 from dexplan.contact.shapes import Sphere
+from dexplan.errors import DexplanError
 from dexplan.scene.chain import (
     Chain,
     compute_hinge_positions,
@@ -98,8 +99,9 @@ def scene_from_xml(name: str, xml: str) -> Scene:
     ]
     object_joint = model.joint("object/free/")
     object_geom = model.geom("object/surface").id
-    surface = Sphere(float(model.geom_size[object_geom, 0]))
+    surface = Sphere(_read_radius(model, "object/surface"))
     object_body = int(model.geom_bodyid[object_geom])
+    _check_object(model, object_geom, object_body)
     home = as_pose(model.qpos0[object_joint.qposadr[0] : object_joint.qposadr[0] + 7])
     description = ObjectDescription(
         surface, float(model.body_mass[object_body]), np.diag(model.body_inertia[object_body]), home
@@ -130,6 +132,30 @@ def scene_from_xml(name: str, xml: str) -> Scene:
     )
 
 
+def _read_radius(model: mujoco.MjModel, name: str) -> float:
+    """Return the radius [m] of a geom that has to be a sphere; raises DexplanError where it is none."""
+    geom = model.geom(name)
+    kind = mujoco.mjtGeom(int(geom.type[0]))
+    if kind != mujoco.mjtGeom.mjGEOM_SPHERE:
+        raise DexplanError(
+            f"geom {name!r} is of type {kind.name.removeprefix('mjGEOM_').lower()}; objects and fingertips are described as "
+            'balls so far, and type="sphere" is accepted'
+        )
+    return float(geom.size[0])
+
+
+def _check_object(model: mujoco.MjModel, geom: int, body: int) -> None:
+    """Raise DexplanError where the object is not described by one radius, its mass and a diagonal inertia about its centre."""
+    count = int(model.body_geomnum[body])
+    if count != 1:
+        raise DexplanError(f"the object consists of {count} geoms; one, named 'object/surface', is accepted")
+    for what, offset in (("surface", model.geom_pos[geom]), ("centre of mass", model.body_ipos[body])):
+        if np.any(offset):
+            raise DexplanError(
+                f"the object's {what} is {offset.tolist()} m from the origin of its body; no offset is accepted"
+            )
+
+
 def _finger_joints(model: mujoco.MjModel, finger: str) -> list[int]:
     return [j for j in range(model.njnt) if model.joint(j).name.startswith(f"{finger}/")]
 
@@ -155,7 +181,7 @@ def _describe_finger(
         lower=model.jnt_range[joints, 0],
         upper=model.jnt_range[joints, 1],
     )
-    tip_radius = float(model.geom_size[model.geom(f"{name}/tip").id, 0])
+    tip_radius = _read_radius(model, f"{name}/tip")
     return FingerDescription(
         name=name,
         joint_names=tuple(model.joint(j).name for j in joints),

@@ -122,7 +122,8 @@ def load_workspace(finger: FingerDescription, center: Array, X_WP: Array | None 
     for array in (chain.offsets, chain.axes, chain.X_JF, chain.lower, chain.upper, finger.q_home):
         key.update((np.round(array, 7) + 0.0).tobytes())
     key.update(np.array([SPACING, REACH, POLES, HOMOTOPY, VERSION]).tobytes())
-    folder = Path(os.environ.get("DEXPLAN_CACHE", user_cache_dir("dexplan"))) / "workspaces"
+    # Set to nothing it means nothing: the folder one stands in is no cache.
+    folder = Path(os.environ.get("DEXPLAN_CACHE") or user_cache_dir("dexplan")) / "workspaces"
     path = folder / f"{key.hexdigest()[:32]}.npz"
     if path.is_file():
         try:

@@ -125,8 +125,12 @@ def check_free_finger_clearance(case: Case) -> CheckResult:
     to_object = OBSTACLE_KINDS.index("object")
     distance[..., to_object] = np.where(near, replay.clearance_horizon, distance[..., to_object])
     labels = tuple(f"{finger} to {kind}" for finger in replay.world.fingers for kind in OBSTACLE_KINDS)
+    flat, sight = distance.reshape(len(samples), -1) * MM, replay.clearance_horizon * MM
     note = "" if free.any() else "no finger is ever free"
-    flat = distance.reshape(len(samples), -1) * MM
+    if free.any() and flat.min() >= sight:
+        # Nobody measured that distance: it is where looking ends.
+        note = f"at least {sight:g} mm: nothing came so near, and distances beyond are not measured"
+        return judge(name, sight, limit, "mm", None, note, at_least=True)
     return judge_worst(name, flat, replay.time[samples], limit, "mm", note, at_least=True, labels=labels)
 
 
@@ -174,6 +178,7 @@ def check_creep_rate_max(case: Case) -> CheckResult:
     window = max(1, round(case.limit("creep_window_s") / case.sample_time))
     duration = window * case.sample_time
     rest, moving = case.limit("creep_rest_um_s"), case.limit("creep_moving_um_s")
+    anchor = max(case.limit("creep_moving_speed_deg_s"), 1e-9)
     slip, turned = compute_slip_path(case), compute_carried_angle(case)
     # While one tip rolls all contacts are pushed about, as when the object moves.
     moves = case.is_rolling[1:] | np.any(case.reference[1:] != case.reference[:-1], axis=1)
@@ -186,7 +191,7 @@ def check_creep_rate_max(case: Case) -> CheckResult:
             rate = np.linalg.norm(_sum_windows(slip[steps, k], window), axis=1) / duration * UM
             speed = np.degrees(_sum_windows(turned[steps, k], window)) / duration
             is_moving = _sum_windows(moves[steps].astype(np.float64), window) > 0
-            allowed = np.maximum(rest, moving * speed / case.limit("creep_moving_speed_deg_s"))
+            allowed = np.maximum(rest, moving * speed / anchor)
             rate = np.where(is_moving, rate * moving / allowed, rate)
             for value, kind, t in zip(rate, is_moving, replay.time[start : stop - window], strict=True):
                 rows[bool(kind)].append((float(value), float(t)))
@@ -212,7 +217,7 @@ def compute_slip_path(case: Case) -> Array:
     the same phase of the ripple, says 41 um/s of a light ball whose contact moves by 3.
     """
     replay = case.replay
-    R_WO = Rotation.from_quat(replay.object_pose[:, 3:], scalar_first=True).as_matrix()[:, None]
+    R_WO = _as_matrices(replay.object_pose)[:, None]
     R_OF = R_WO.swapaxes(-1, -2) @ replay.tip_rotation
     p_OF = np.einsum(
         "tfji,tfj->tfi",
@@ -236,16 +241,29 @@ def compute_carried_angle(case: Case) -> Array:
     against the object counts for all.
     """
     replay, reference = case.replay, case.reference
-    turn = Rotation.from_quat(np.nan_to_num(reference[:, 3:], nan=1.0), scalar_first=True)
-    turned = (turn[1:] * turn[:-1].inv()).magnitude()[:, None]
+    turned = _measure_turns(_as_matrices(reference))[:, None]
     arm = np.linalg.norm(replay.tip_position - replay.object_pose[:, None, :3], axis=-1)[1:]
     shifted = np.linalg.norm(np.diff(reference[:, :3], axis=0), axis=1)[:, None] / arm
-    R_WO = Rotation.from_quat(replay.object_pose[:, 3:], scalar_first=True).as_matrix()[:, None]
+    R_WO = _as_matrices(replay.object_pose)[:, None]
     R_OF = R_WO.swapaxes(-1, -2) @ replay.tip_rotation
-    cosine = 0.5 * (np.einsum("tfij,tfij->tf", R_OF[1:], R_OF[:-1]) - 1.0)
     both = replay.contact_active[1:] & replay.contact_active[:-1] & case.is_rolling[1:, None]
-    rolled = np.where(both, np.arccos(np.clip(cosine, -1.0, 1.0)), 0.0).max(axis=1, keepdims=True)
+    rolled = np.where(both, _measure_turns(R_OF), 0.0).max(axis=1, keepdims=True)
     return np.asarray(turned + shifted + rolled)
+
+
+def _as_matrices(pose: Array) -> Array:
+    """Return the rotations (T, 3, 3) of poses (T, 7); NaN where a pose is none."""
+    known = np.isfinite(pose).all(axis=1) & (np.linalg.norm(pose[:, 3:], axis=1) > 0.0)
+    quat = np.where(known[:, None], pose[:, 3:], [1.0, 0.0, 0.0, 0.0])
+    R = Rotation.from_quat(quat, scalar_first=True).as_matrix()
+    return np.where(known[:, None, None], R, np.nan)
+
+
+def _measure_turns(R: Array) -> Array:
+    """Return the angles (T - 1, ...) [rad] between successive rotations (T, ..., 3, 3), precise where they are small."""
+    # The distance between two rotations as matrices is 2 sqrt(2) sin(angle / 2).
+    distance = np.sqrt(np.square(R[1:] - R[:-1]).sum(axis=(-2, -1)))
+    return np.asarray(2.0 * np.arcsin(np.minimum(distance / np.sqrt(8.0), 1.0)))
 
 
 def _sum_windows(steps: Array, window: int) -> Array:

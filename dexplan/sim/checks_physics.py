@@ -183,7 +183,10 @@ def _find_in_geoms(world: World, problem: Mapping[str, Any]) -> Iterator[str]:
     ]
     for name, radius in radii:
         geom = model.geom(name)
-        if geom.type[0] != mujoco.mjtGeom.mjGEOM_SPHERE or _differs(geom.size[0], radius):
+        if geom.type[0] != mujoco.mjtGeom.mjGEOM_SPHERE:
+            kind = mujoco.mjtGeom(int(geom.type[0])).name.removeprefix("mjGEOM_").lower()
+            yield f"{name} is of type {kind}, not a sphere"
+        elif _differs(geom.size[0], radius):
             yield _say(f"radius of {name}", geom.size[0], radius)
     for name, obstacle in obstacles.items():
         if name not in world.geom_names:

@@ -27,7 +27,7 @@ INTEGRITY: Mapping[str, str] = MappingProxyType(
 )
 """Names that no problem may set, and why: they say whether a run can be believed at all, not how good it has to be."""
 
-FLOORS = frozenset({"episode_gap_s"})
+FLOORS = frozenset({"creep_moving_speed_deg_s", "episode_gap_s"})
 """Limits that are looser the smaller they are, beside those with ``_min`` in their names."""
 
 

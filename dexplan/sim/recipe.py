@@ -29,6 +29,8 @@ def read_recipe(columns: Mapping[str, NDArray[Any]]) -> Recipe:
     for name in ("initial_state", "ctrl", "physics_steps_per_sample"):
         if name not in columns:
             raise _refuse(f"lacks {name}")
+    if not columns["ctrl"].size:
+        raise _refuse("lacks samples")
     return Recipe(
         _read_numbers(columns, "initial_state"),
         _read_numbers(columns, "ctrl"),

@@ -184,8 +184,11 @@ class ValidationReport:
                     str(path), f"it has report format {data['format']}", f"format {FORMAT} is read here"
                 )
             results = tuple(CheckResult(**check) for check in data.pop("checks"))
-            return cls(checks=results, **data)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            report = cls(checks=results, **data)
+            # Whatever cannot be told is no report, however it was made.
+            str(report)
+            return report
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             raise RunFolderError(str(path), f"it cannot be read as a report ({error})", accepted) from error
 
 

@@ -268,6 +268,14 @@ def _check_values(trace: Trace, source: str) -> None:
         if name in trace and not (np.abs(trace[name][samples]) <= LARGEST_VALUE).all():
             needed = f"numbers up to {LARGEST_VALUE:g} are needed"
             raise RunFolderError(source, f"{name} holds values that cannot be simulated", needed)
+    if "object_pose_reference" in trace:
+        # What is no number is judged; what is a number but no pose would stop the judge.
+        poses = trace["object_pose_reference"]
+        poses = poses[np.isfinite(poses).all(axis=1)]
+        is_turn = np.abs(np.square(poses[:, 3:].clip(-2.0, 2.0)).sum(axis=1) - 1.0) < 0.1
+        if not (is_turn.all() and (np.abs(poses) <= LARGEST_VALUE).all()):
+            needed = "metres and unit quaternions are needed"
+            raise RunFolderError(source, "object_pose_reference holds what is no pose", needed)
     if "time" in trace and not (np.diff(trace["time"]) > 0.0).all():
         raise RunFolderError(source, "time does not always grow", "samples in the order of time are needed")
 

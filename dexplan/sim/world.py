@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -51,8 +52,12 @@ class World:
     __repr__ = brief_repr
 
 
+@lru_cache(maxsize=1)
 def read_world(model_xml: str) -> World:
-    """Compile ``model_xml`` and find its fingers and object by name; RunFolderError where that fails."""
+    """Compile ``model_xml`` and find its fingers and object by name; RunFolderError where that fails.
+
+    The last one is kept, since one judgement asks twice: nobody may write to the model.
+    """
     accepted = "a model text as dexplan writes it is needed"
     try:
         model = mujoco.MjModel.from_xml_string(model_xml)

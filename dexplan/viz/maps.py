@@ -95,6 +95,8 @@ def _describe_pair(hand: HandModel, loads: PairLoads) -> str:
     if loads.refusals:
         reason = max(loads.refusals, key=lambda r: loads.refusals[r])
         line += f"   {reason}"
+    elif not len(ok):
+        line += "   on the equator the two reach no allowed contacts that are far enough apart"
     return line
 
 

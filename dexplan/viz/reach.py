@@ -78,7 +78,7 @@ def compute_reach(hand: HandModel) -> Reach:
 
 
 def _find_stations(hand: HandModel, finger: int) -> tuple[Array, Array]:
-    """Return the equatorial normals (K, 3) that a finger reaches, and its postures there (K, J)."""
+    """Return the equatorial normals (K, 3) that a finger reaches and may touch along, and its postures there (K, J)."""
     description, workspace = hand.fingers[finger], hand.workspaces[finger]
     normals = direction_from_angles(azimuth := np.arange(0.0, 360.0, STATION_DEG), np.zeros_like(azimuth))
     radius = float(np.linalg.norm(hand.object.surface.radial(normals[0])))
@@ -89,6 +89,8 @@ def _find_stations(hand: HandModel, finger: int) -> tuple[Array, Array]:
     if description.chain.has_tip_roll:
         q[:, -1] = 0.5 * (description.chain.lower[-1] + description.chain.upper[-1])
     reached &= compute_joint_margin(description.chain, q) >= hand.limits.joint_margin
+    # What no contact may be made at says nothing about what the pair can carry.
+    reached &= hand.object.allows(normals @ hand.object.X_WO_home[:3, :3])
     return normals[reached], q[reached]
 
 

@@ -46,15 +46,17 @@ class Attempt:
     planning_s: float
 
 
-def draw_questions(problem: Problem, kind: Kind, count: int, seed: int) -> Iterator[Question]:
-    """Yield ``count`` questions, each with a seed of its own, ``seed`` and on.
+def draw_questions(
+    problem: Problem, kind: Kind, count: int, seed: int, furthest: float = FURTHEST
+) -> Iterator[Question]:
+    """Yield ``count`` questions, each with a seed of its own, ``seed`` and on; shifts reach ``furthest`` [m] along every axis.
 
     Starts take turns: that of ``problem``, contacts drawn by reach and force closure alone, and "auto".
     """
     hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
     for number in range(seed, seed + count):
         rng = np.random.default_rng(number)
-        shift = tuple(float(x) for x in rng.uniform(-FURTHEST, FURTHEST, 3))
+        shift = tuple(float(x) for x in rng.uniform(-furthest, furthest, 3))
         axis, angle = rng.normal(size=3), float(rng.uniform(-TURN_DEG, TURN_DEG))
         turn = Rotation(tuple(axis / np.linalg.norm(axis)), angle if kind == "shift and turn" else 0.0)
         drawn = sample_start(hand, rng)

@@ -208,7 +208,7 @@ def test_truthful_when_there_is_no_way() -> None:
     tipped, m = _start(6, np.radians(85.0))
     beyond = roll_to(tipped, m, TIP, BALL, LIMITS)
     assert beyond.status == "start_beyond_limit"
-    assert beyond.reason == "the contact starts 85 degrees off the tip's pole; at most 80 is accepted"
+    assert beyond.reason == "the contact starts 85.0 degrees off the tip's pole; at most 80.0 is accepted"
     stuck = roll_to(X, goal, TIP, BALL, LIMITS, is_admissible=lambda x: np.zeros(len(x), dtype=bool))
     assert stuck.status == "start_not_admissible"
     same = X.copy()

@@ -366,7 +366,7 @@ def test_what_cannot_be_rolled_is_refused() -> None:
     X, n, _ = _random_start(8)
     off = X.copy()
     off[:3, 3] *= 1.05
-    with pytest.raises(ValueError, match=r"54.6 mm from the ball's; 52 mm touches, 1 % off is accepted"):
+    with pytest.raises(ValueError, match=r"54.6 mm from the ball's; 52.0 mm touches, 1 % off is accepted"):
         roll_along(R_TIP, R_BALL, off, [n])
     with pytest.raises(ValueError, match="one more between them is accepted"):
         roll_along(R_TIP, R_BALL, X, [-n])

@@ -43,7 +43,7 @@ class Case:
 THIRD_ROLLS = Case((-47.0, 151.0, 279.0), (-1.0, -7.0, 27.0), -30.0)
 ALL_ROLL = Case((-17.0, 164.0, 246.0), (-27.0, 24.0, 19.0), -30.0)
 LIFTING_IS_ENOUGH = Case((-44.0, 105.0, 294.0), (-23.0, -5.0, 18.0), 30.0)
-NOTHING_HELPS = Case((58.0, 174.0, 237.0), (-17.0, 7.0, 18.0), 30.0)
+LIFTED_PAIR_ROLLS = Case((58.0, 174.0, 237.0), (-17.0, 7.0, 18.0), 30.0)
 
 
 @pytest.fixture(scope="module")
@@ -134,8 +134,22 @@ def test_where_lifting_is_enough_nothing_rolls(slippery: HandModel) -> None:
     check_whole(slippery, plan, LIFTING_IS_ENOUGH)
 
 
-def test_where_nothing_helps_the_answer_says_what_was_tried(slippery: HandModel) -> None:
-    alone, plan = ask(slippery, NOTHING_HELPS)
+def test_a_pair_rolls_where_lifting_the_third_is_not_enough(slippery: HandModel) -> None:
+    alone, plan = ask(slippery, LIFTED_PAIR_ROLLS)
+    assert alone.status == "no_gait", alone.reason
+    assert plan.is_solved, plan.reason
+    assert [a.kind for a in plan.actions[:3]] == ["hold", "lift", "roll"]
+    lift, roll = plan.actions[1:3]
+    assert set(roll.grasping) == {0, 1, 2} - {lift.finger}
+    check_whole(slippery, plan, LIFTED_PAIR_ROLLS)
+
+
+def test_where_nothing_helps_the_answer_says_what_was_tried(
+    slippery: HandModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What helps above is left out."""
+    monkeypatch.setattr(rolling_start, "LIFTS", 0)
+    alone, plan = ask(slippery, LIFTED_PAIR_ROLLS)
     assert (alone.status, plan.status) == ("no_gait", "no_gait")
     assert plan.actions == ()
     assert plan.start_contacts[2] is not None
@@ -172,3 +186,25 @@ def test_routes_that_were_not_begun_leave_the_answer_open(slippery: HandModel) -
     goal = RotationGoal(slippery.object.X_WO_home, UP, float(np.radians(LIFTING_IS_ENOUGH.turn)))
     assert plan_rotation(slippery, goal, pair, BUDGET).is_solved
     assert plan_rotation(slippery, goal, pair, 1).status == "budget_exhausted"
+
+
+def test_ways_to_roll_that_were_not_tried_leave_the_answer_open(
+    slippery: HandModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where one way to roll is all that may be tried, nothing follows from it for the others."""
+    monkeypatch.setattr(rolling_start._FromThree, "most", 1)
+    monkeypatch.setattr(rolling_start, "LIFTS", 0)
+    plan = ask(slippery, LIFTED_PAIR_ROLLS)[1]
+    assert plan.status == "budget_exhausted"
+    assert "after rolling (one way tried): no_gait: " in plan.reason
+    assert plan.reason.endswith(
+        "the search gave up, for there are more ways to roll; choose another start grasp"
+    )
+
+
+def test_without_a_node_left_rolling_is_not_called_impossible(slippery: HandModel) -> None:
+    nodes = int(ask(slippery, LIFTING_IS_ENOUGH)[0].statistics["nodes"])
+    plan = ask(slippery, LIFTING_IS_ENOUGH, nodes)[1]
+    assert plan.status == "budget_exhausted"
+    assert "rolling cannot make one" not in plan.reason
+    assert "raise gait.node_budget" in plan.reason

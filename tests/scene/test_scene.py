@@ -6,11 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from dexplan.errors import DexplanError, UnknownNameError
+from dexplan.errors import UnknownNameError
 from dexplan.scene.chain import compute_joint_margin
 from dexplan.scene.compose import HOME_POSITION
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.library import SCENES, load_scene
+from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import HOME_GAP, Scene, scene_from_xml
 from dexplan.spatial import make_pose, rotate_about
 
@@ -119,11 +120,28 @@ def test_unknown_scene_is_refused_with_the_known_ones() -> None:
     assert str(caught.value) == "unknown scene 'two_finger_cube'; known: three_finger_sphere"
 
 
-def test_a_hand_that_cannot_point_home_is_refused_with_the_cure() -> None:
-    with pytest.raises(
-        DexplanError, match=r"finger_1 cannot point at .* from home: .*; widen them, move the base, or use"
-    ):
-        load_scene(joint_ranges_deg=(("finger_1.joint_3", 10.0, 20.0),))
+def test_a_finger_that_cannot_point_at_the_object_waits_out_of_the_way() -> None:
+    hand = load_scene(joint_ranges_deg=(("finger_1.joint_3", 10.0, 20.0),))
+    center = hand.object.X_WO_home[:3, 3]
+    for finger in hand.fingers:
+        assert compute_joint_margin(finger.chain, finger.q_home) >= -1e-9
+        tip = finger.pose_at(finger.q_home)[:3, 3] - center
+        assert np.linalg.norm(tip) > 0.035 + 0.018 + 0.01
+        base = finger.chain.offsets[0][:3, 3] - center
+        assert tip[:2] @ base[:2] > 0.0
+
+
+@pytest.mark.parametrize("radius", [0.075, 0.09, 0.12])
+def test_fingers_around_a_large_ball_wait_clear_of_themselves(radius: float) -> None:
+    hand = load_scene(object_radius=radius)
+    clearance, names = HandProbe(hand).compute_clearance(
+        np.stack([f.q_home for f in hand.fingers]), hand.object.X_WO_home, ()
+    )
+    assert clearance >= 0.002, names
+    for finger in hand.fingers:
+        X = finger.pose_at(finger.q_home)
+        arm = X[:3, 3] - hand.object.X_WO_home[:3, 3]
+        assert -X[:3, 2] @ arm == pytest.approx(np.linalg.norm(arm), rel=1e-6)
 
 
 def test_library_knows_its_scenes_by_their_own_names() -> None:

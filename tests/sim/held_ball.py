@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import mujoco
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import SceneParameters
@@ -209,3 +211,15 @@ def make_case(
         load_default_limits(),
         trace["initial_state"],
     )
+
+
+def slide(case: Case, speed: float, finger: int = 0) -> Case:
+    """Return ``case`` with one tip, and its contact with it, sliding along the ball at ``speed`` [m/s]."""
+    replayed = case.replay
+    tangent = replayed.contact_rotation_O[:, finger, :, 0]
+    path_O = speed * (replayed.time - replayed.time[0])[:, None] * tangent
+    R_WO = Rotation.from_quat(replayed.object_pose[:, 3:], scalar_first=True)
+    point, tip = np.array(replayed.contact_point_O), np.array(replayed.tip_position)
+    point[:, finger] += path_O
+    tip[:, finger] += R_WO.apply(path_O)
+    return replace(case, replay=replace(replayed, contact_point_O=point, tip_position=tip))

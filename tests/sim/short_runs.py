@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
+import numpy as np
+
 from dexplan import pipeline
 from dexplan.control.controller import ControlOptions
 from dexplan.control.reference import Reference, Timing, build_reference
@@ -86,6 +88,7 @@ def simulate(
     reference: Reference,
     options: ControlOptions | None = None,
     world: Scene | None = None,
+    X_WO_start: np.ndarray | None = None,
 ) -> Trace:
     """Return the run of any reference on the problem's scene."""
     return rollout(
@@ -93,6 +96,7 @@ def simulate(
         reference,
         options or pipeline.build_options(problem),
         world=world,
+        X_WO_start=X_WO_start,
         meta={"problem": problem.name, "seed": problem.seed},
     )
 

@@ -20,6 +20,7 @@ from held_ball import (
     make_plan,
     make_problem,
     record,
+    slide,
     solve_posture,
 )
 from scipy.spatial.transform import Rotation
@@ -133,11 +134,6 @@ def plan_with_contacts(azimuths: dict[str, float]) -> dict[str, Any]:
     plan["start"]["contacts"] = plan["actions"][0]["contacts_end"] = make_contacts(azimuths)
     plan["actions"][0]["grasping"] = list(azimuths)
     return plan
-
-
-def slide(speed: float) -> np.ndarray:
-    """Return slip velocities (T, F, 3) of one finger sliding at ``speed`` [m/s]."""
-    return changed(held().replay.contact_slip_velocity, (slice(None), 0, 0), speed)
 
 
 def spun_tip() -> np.ndarray:
@@ -334,14 +330,11 @@ FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
     ("friction_utilisation_max", "slides", sheared),
     ("friction_utilisation_max", "belief too high", lambda: with_problem(friction={"sliding": 0.05})),
     ("coulomb_slip_max", "slides", sheared),
-    ("creep_rate_max", "creeps", lambda: with_replay(contact_slip_velocity=slide(3e-6))),
+    ("creep_rate_max", "creeps", lambda: slide(held(), 3e-6)),
     (
         "creep_rate_max",
         "creeps while moving",
-        lambda: replace(
-            with_columns(object_pose_reference=turned_reference(np.linspace(0, 1, 250))),
-            replay=replace(held().replay, contact_slip_velocity=slide(3e-5)),
-        ),
+        lambda: slide(with_columns(object_pose_reference=turned_reference(np.linspace(0, 1, 250))), 3e-5),
     ),
     ("rolling_error_max", "slides", dragged),
     ("roll_path_error_max", "stays where it is", planned_roll),
@@ -439,7 +432,7 @@ def test_nan_in_the_record_never_passes(column: str) -> None:
 
 
 def test_limits_hold_for_the_portable_profile() -> None:
-    case = with_replay(contact_slip_velocity=slide(3e-6))
+    case = slide(held(), 3e-6)
     portable = replace(case, problem=make_problem(control={"physics_profile": "portable"}))
     check = dict(CHECKS)["creep_rate_max"]
     assert (check(case).status, check(portable).status) == ("fail", "pass")

@@ -123,7 +123,7 @@ def _whole() -> dict[str, np.ndarray]:
         "ctrl": np.zeros((T, 18)),
         "initial_state": np.zeros(20),
         "physics_steps_per_sample": np.array(4),
-        "object_pose_reference": np.zeros((T, 7)),
+        "object_pose_reference": np.tile([0.0, 0.0, 0.16, 1.0, 0.0, 0.0, 0.0], (T, 1)),
         "action_index": np.zeros(T, dtype=int),
         "contact_active": np.zeros((T, F), dtype=bool),
         "contact_rotation_O": np.zeros((T, F, 3, 3)),
@@ -162,6 +162,11 @@ FOREIGN = {
     "huge": ({"initial_state": _spoil(np.zeros(20), 3, 1e200)}, "initial_state holds values"),
     "back in time": ({"time": np.arange(5)[::-1] * 1.0}, "time does not always grow"),
     "standing time": ({"time": np.zeros(5)}, "time does not always grow"),
+    "no attitude": (
+        {"object_pose_reference": np.zeros((5, 7))},
+        "object_pose_reference holds what is no pose",
+    ),
+    "far away": ({"object_pose_reference": np.full((5, 7), 1e200)}, "metres and unit quaternions are needed"),
     "disturbance": ({"xfrc_applied": np.zeros((5, 6))}, "xfrc_applied has shape (5, 6)"),
 }
 

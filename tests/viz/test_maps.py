@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.image import imread
 from dexplan.contact.friction import SoftFinger
 from dexplan.planning.hand import HandModel
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
+from dexplan.scene.description import ContactCone
 from dexplan.scene.library import load_scene
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.workspace import Workspace
@@ -111,3 +113,17 @@ def test_a_hand_that_reaches_nothing_is_drawn_and_described(hand: HandModel, tmp
     text = describe_reach(idle)
     assert text.count("nothing") == 3
     assert text.count("none") == 3
+
+
+def test_pairs_are_only_asked_about_where_contacts_are_allowed(hand: HandModel) -> None:
+    """Cones around finger 1's side and the side opposite: fingers 2 and 3 are 120 degrees apart and share none of them."""
+    half = np.radians(25.0)
+    cones = tuple(ContactCone(np.array(axis), half) for axis in ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]))
+    cut = replace(hand, object=replace(hand.object, allowed_regions=cones))
+    for loads in compute_reach(cut).loads:
+        region = compute_reach(cut).regions.pair(*loads.fingers)
+        assert loads.is_admissible.any() <= (not region.is_empty)
+    assert not compute_reach(cut).loads[2].is_admissible.any()
+    line = describe_reach(cut).splitlines()[-1]
+    assert line.split()[:6] == ["fingers", "2", "3", "0", "of", "0"]
+    assert "no allowed contacts" in line

@@ -1,0 +1,99 @@
+"""How hard fingers squeeze: as ever, less for light objects, and a refusal where that is too little."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dexplan import pipeline
+from dexplan.contact.friction import SoftFinger
+from dexplan.control.controller import Controller
+from dexplan.control.reference import build_reference
+from dexplan.planning.plan import Plan
+from dexplan.planning.squeeze import CEILING, DEPTH, NORMAL_FORCE, choose_squeeze
+from dexplan.problems.read import load_problem
+from dexplan.scene.penetration import predict_penetration
+from dexplan.sim.validate import load_default_limits
+
+CASES = Path(__file__).parents[1] / "cases"
+LIGHT = CASES / "table_tennis_ball.toml"
+FRICTION = SoftFinger(0.55 / 1.3, 0.0025 / 1.3)
+
+
+@pytest.mark.parametrize("mass", [0.02, 0.06, 0.12, 0.4])
+def test_objects_that_bear_it_are_squeezed_as_ever(mass: float) -> None:
+    problem = load_problem("hold_two", {"object.mass_kg": mass})
+    squeeze = pipeline.build_squeeze(problem, pipeline.build_scene(problem))
+    assert (squeeze.normal, squeeze.floor, squeeze.refusal) == (NORMAL_FORCE, 4.0, "")
+    if mass >= 0.06:
+        assert squeeze.ceiling == CEILING
+
+
+@pytest.mark.parametrize("tip", [0.016, 0.018, 0.026])
+@pytest.mark.parametrize("mass", [0.002, 0.0027, 0.005, 0.01])
+def test_light_objects_are_squeezed_as_hard_as_they_bear(mass: float, tip: float) -> None:
+    problem = load_problem(LIGHT, {"object.mass_kg": mass, "hand.tip_radii_m": [tip] * 3})
+    scene = pipeline.build_scene(problem)
+    squeeze = pipeline.build_squeeze(problem, scene)
+    assert not squeeze.refusal
+    assert squeeze.floor < squeeze.normal < NORMAL_FORCE
+    assert max(predict_penetration(scene, i, squeeze.normal) for i in range(3)) == pytest.approx(
+        DEPTH, rel=1e-6
+    )
+    limit = load_default_limits()["penetration_max_um"]
+    assert 1e6 * max(predict_penetration(scene, i, squeeze.ceiling) for i in range(3)) < 0.9 * limit
+
+
+@pytest.mark.parametrize(
+    ("mass", "sliding", "words"),
+    [(0.0005, 0.55, "0.5 g"), (0.001, 0.55, "1 g"), (0.0027, 0.2, "2.7 g"), (0.005, 0.1, "5 g")],
+)
+def test_what_bears_too_little_is_refused_with_mass_and_reason(
+    mass: float, sliding: float, words: str
+) -> None:
+    problem = load_problem(
+        LIGHT, {"object.mass_kg": mass, "friction.sliding": sliding, "friction.torsional_m": 0.0005}
+    )
+    plan = pipeline.plan(problem)
+    assert plan.status == "object_too_light"
+    assert not plan.actions
+    assert f"an object of {words} is too light" in plan.reason
+    assert "object.mass_kg" in plan.reason
+    assert Plan.from_dict(plan.as_dict()).as_dict() == plan.as_dict()
+
+
+def test_heavy_objects_are_never_called_too_light() -> None:
+    for mass in np.geomspace(0.02, 1.0, 20):
+        assert not choose_squeeze(mass, FRICTION, 500.0 * mass, 600.0 * mass).refusal
+
+
+def test_plan_reference_and_controller_use_the_same_forces() -> None:
+    problem = load_problem(LIGHT)
+    scene = pipeline.build_scene(problem)
+    squeeze, plan = pipeline.build_squeeze(problem, scene), pipeline.plan(problem)
+    assert plan.is_solved
+    assert (plan.normal_force, plan.normal_floor, plan.normal_ceiling) == (
+        squeeze.normal,
+        squeeze.floor,
+        squeeze.ceiling,
+    )
+    again = Plan.from_dict(plan.as_dict())
+    assert (again.normal_floor, again.normal_ceiling) == (plan.normal_floor, plan.normal_ceiling)
+    reference = build_reference(plan, scene.fingers, pipeline.build_timing(problem))
+    assert (reference.normal_force, reference.normal_floor) == (plan.normal_force, plan.normal_floor)
+    controller = Controller(scene, reference, pipeline.build_options(problem))
+    limits = controller._limit_forces((0, 1), (1.0, 1.0))
+    assert limits.normal_floor == pytest.approx([plan.normal_floor] * 2)
+    assert limits.normal_ceiling == pytest.approx([plan.normal_ceiling] * 2)
+    stubborn = Controller(scene, reference, pipeline.build_options(problem, normal_floor=0.1))
+    assert stubborn._limit_forces((0, 1), (1.0, 1.0)).normal_floor == pytest.approx([0.1] * 2)
+
+
+def test_plans_without_limits_are_read_as_they_were_made() -> None:
+    data = pipeline.plan(load_problem("hold_two")).as_dict()
+    for key in ("normal_floor_N", "normal_ceiling_N", "speed"):
+        data.pop(key)
+    plan = Plan.from_dict(data)
+    assert (plan.normal_floor, plan.normal_ceiling, plan.speed) == (4.0, 12.0, None)
