@@ -108,11 +108,26 @@ def explain_contact(
     return None, ""
 
 
+def explain_locked_joint(hand: HandModel, finger: int) -> str:
+    """Return which joint of a finger has no room between its limits for holding anything, in words; "" where all have."""
+    description, margin = hand.fingers[finger], hand.limits.joint_margin
+    ranges = description.chain.upper - description.chain.lower
+    if ranges.min() > 2.0 * margin + 1e-9:
+        return ""
+    name = description.joint_names[int(ranges.argmin())].replace("/", ".")
+    return (
+        f"{name} has a range of {np.degrees(ranges.min()):.1f} deg, and a finger that holds keeps {np.degrees(margin):.0f} deg "
+        "to either end"
+    )
+
+
 def explain_start_contact(hand: HandModel, X_WO: Array, finger: int, given: StartContact) -> tuple[str, str]:
     """Return the status and the reason that refuse a start contact which its finger cannot hold, whatever the others do."""
     pose = given.X_OF if isinstance(given, Placement) else given
     X_WF = X_WO @ pose if pose.shape == (4, 4) else None
     condition, why = explain_contact(hand, finger, X_WO[:3, 3], find_start_normal(X_WO, given), X_WF)
+    if condition is Condition.JOINTS and (locked := explain_locked_joint(hand, finger)):
+        why = locked
     why = why or "its joints would come too near to their limits"
     cure = f"{condition}, or " if condition in (Condition.STANDING, Condition.JOINTS) else ""
     return "blocked" if condition is Condition.STANDING else "start_unreachable", (

@@ -118,7 +118,8 @@ class Ends:
         """Yield end after end; None where more nodes, or a greater depth, are asked for before it goes on."""
         tried, closed = dict[Beginning, int](), list[Beginning]()
         for depth, budget in enumerate(BUDGETS):
-            if self.found:
+            # Where one beginning led somewhere the others are given as many nodes, but none is given more.
+            if self.found and budget > BUDGETS[depth - 1]:
                 return
             for beginning in self.beginnings[: None if depth else 1]:
                 most = min(budget, self.node_budget)

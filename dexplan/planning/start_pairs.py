@@ -9,8 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
+from dexplan.planning.blocked import explain_locked_joint
 from dexplan.planning.contacts import APART, ContactTable
-from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held
 from dexplan.planning.regions import compute_opposition
 from dexplan.spatial import Array
@@ -99,19 +99,6 @@ def explain_unreachable(table: ContactTable) -> str:
     why = "; ".join(explain_locked_joint(hand, f) or f"{hand.fingers[f].name}: {reach[f][1]}" for f in idle)
     names = _join([hand.fingers[f].name for f in idle])
     return f"two fingers have to hold the object, and {names} can touch it nowhere where it stands ({why}); {REACH_CURE}"
-
-
-def explain_locked_joint(hand: HandModel, finger: int) -> str:
-    """Return which joint of a finger has no room between its limits for holding anything, in words; "" where all have."""
-    description, margin = hand.fingers[finger], hand.limits.joint_margin
-    ranges = description.chain.upper - description.chain.lower
-    if ranges.min() > 2.0 * margin + 1e-9:
-        return ""
-    name = description.joint_names[int(ranges.argmin())].replace("/", ".")
-    return (
-        f"{name} has a range of {np.degrees(ranges.min()):.1f} deg, and a finger that holds keeps {np.degrees(margin):.0f} deg "
-        "to either end"
-    )
 
 
 def _join(names: list[str]) -> str:
