@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dexplan import pipeline
+from dexplan import pipeline, run_folder
 from dexplan.cli import main
 from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace
@@ -190,7 +190,8 @@ def test_looser_limits_are_told_in_line_report_and_figure(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _replace("problem.toml", "penetration_max_um = 150.0", "penetration_max_um = 400.0")(folder)
-    (folder / "summary.png").write_bytes(b"the figure of an earlier verdict")
+    # The figure of an earlier verdict: a picture of ours, which `validate` may replace.
+    (folder / "summary.png").write_bytes(b"\x89PNG\r\n\x1a\n Software\0" + run_folder.MARK.encode())
     drawn: list[ValidationReport] = []
     monkeypatch.setattr(pipeline, "draw_run", lambda *run: drawn.append(run[-1]))
     for _ in range(2):
