@@ -109,12 +109,16 @@ def test_a_signal_keeps_the_run_so_far(
     signum: int,
     code: int,
     word: str,
+    request: pytest.FixtureRequest,
     pipeline: SimpleNamespace,
     capsys: pytest.CaptureFixture[str],
     cwd: Path,
 ) -> None:
     _cut_short.signum = signum  # type: ignore[attr-defined]
     pipeline.rollout = _cut_short
+    # Started in the background, this process may have been told to ignore Ctrl-C.
+    was = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, was))
     before = signal.getsignal(signal.SIGTERM)
     assert main(["run", "hold_two"]) == code
     assert signal.getsignal(signal.SIGTERM) == before
