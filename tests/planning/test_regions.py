@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from dexplan.errors import DexplanError
 from dexplan.grasp.closure import check_antipodal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.regions import Regions, compute_regions, keeps_order
@@ -274,13 +275,12 @@ def test_a_finger_that_reaches_nothing_has_empty_regions(hand: HandModel, center
     assert not regions.closure[2].contains(spread_directions(50)).any()
 
 
-def test_only_spheres_so_far(hand: HandModel, center: Array) -> None:
+def test_only_spheres_so_far(hand: HandModel) -> None:
     class Plate:
         """Some other surface."""
 
-    other = replace(hand, object=replace(hand.object, surface=Plate()))  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="regions of a Plate are not built yet; a Sphere is accepted"):
-        compute_regions(other, center)
+    with pytest.raises(DexplanError, match="surface is of kind Plate, and a Sphere is accepted"):
+        replace(hand, object=replace(hand.object, surface=Plate()))  # type: ignore[arg-type]
 
 
 def test_order_is_that_of_the_bases(hand: HandModel) -> None:
