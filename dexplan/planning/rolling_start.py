@@ -6,6 +6,7 @@ grasp."  A pair beside which no third finger finds room, as beside exactly oppos
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
@@ -75,7 +76,7 @@ def plan_object_manipulation(
     return replace(plan, status=status, reason=f"{plan.reason}; {found}")
 
 
-class _Beginnings:
+class _Beginnings(ABC):
     """What may come before the gait where ``plan`` found none from its start contacts; ``most`` of it is tried."""
 
     most = 0
@@ -83,13 +84,13 @@ class _Beginnings:
     def __init__(self, hand: HandModel, goal: RotationGoal, plan: Plan) -> None:
         self.hand, self.goal, self.plan = hand, goal, plan
 
+    @abstractmethod
     def find(self) -> Iterator[Beginning]:
         """Yield beginnings, the most promising first."""
-        raise NotImplementedError
 
+    @abstractmethod
     def explain(self) -> str:
         """Return why there was none."""
-        raise NotImplementedError
 
 
 class _FromPair(_Beginnings):
