@@ -62,7 +62,7 @@ def draw_world(seed: int) -> dict[str, Any]:
     """Return the problem file, as a dict, of a random world: ball, tips, friction, bases, axis, turn, and every third a shift.
 
     Radius 12 to 65 mm, mass 1 to 400 g and friction 0.25 to 1.5, all uniform in their logarithm; tips 6 to 28 mm, all alike in
-    every second world; bases within 15 degrees of thirds of a turn; turns of 90 to 360 degrees about any axis.
+    every second world; bases within 15 degrees of thirds of a turn; turns of 240 to 540 degrees about any axis.
     """
     rng = np.random.default_rng(seed)
 
@@ -72,7 +72,7 @@ def draw_world(seed: int) -> dict[str, Any]:
     tips = rng.uniform(0.006, 0.028, 3) if rng.random() < 0.5 else np.full(3, rng.uniform(0.006, 0.028))
     axis = rng.normal(size=3)
     bases = np.array([0.0, 120.0, 240.0]) + rng.uniform(-15.0, 15.0, 3)
-    turn = rng.choice([-1.0, 1.0]) * rng.uniform(90.0, 360.0)
+    turn = rng.choice([-1.0, 1.0]) * rng.uniform(240.0, 540.0)
     world: dict[str, Any] = {
         "format": 1,
         "name": f"random_world_{seed}",
