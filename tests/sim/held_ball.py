@@ -22,7 +22,7 @@ from dexplan.sim.validate import load_default_limits
 # The profile "firm", spelled out: the whitelist must not follow the scene.
 OPTION = (
     '<option timestep="0.001" integrator="Euler" cone="elliptic" impratio="100" '
-    'noslip_iterations="30" noslip_tolerance="1e-10" jacobian="dense"/>'
+    'noslip_iterations="300" noslip_tolerance="1e-10" jacobian="dense"/>'
 )
 MODEL_XML = build_model_xml(SceneParameters())
 for pattern, text in (
