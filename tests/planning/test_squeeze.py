@@ -64,6 +64,14 @@ def test_what_bears_too_little_is_refused_with_mass_and_reason(
     assert Plan.from_dict(plan.as_dict()).as_dict() == plan.as_dict()
 
 
+@pytest.mark.parametrize("mass", np.geomspace(0.002, 0.4, 12))
+def test_one_contact_can_bear_what_two_others_press(mass: float) -> None:
+    """While fingers are exchanged two of three stand on one side: twice the least force has to stay below the greatest."""
+    squeeze = choose_squeeze(float(mass), FRICTION, 460.0 * mass, 580.0 * mass)
+    assert 2.0 * squeeze.floor < squeeze.ceiling
+    assert squeeze.floor < squeeze.normal <= squeeze.ceiling
+
+
 def test_heavy_objects_are_never_called_too_light() -> None:
     for mass in np.geomspace(0.02, 1.0, 20):
         assert not choose_squeeze(mass, FRICTION, 500.0 * mass, 600.0 * mass).refusal
