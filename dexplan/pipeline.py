@@ -71,7 +71,7 @@ def build_hand(problem: Problem, scene: Scene) -> HandModel:
         fingers=scene.fingers,
         object=replace(scene.object, allowed_regions=build_allowed_regions(problem)),
         workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
-        friction=SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m),
+        friction=build_friction(problem).scaled(squeeze.friction_share),
         probe=HandProbe(scene),
         limits=AdmissibleLimits(normal_floor=squeeze.floor, normal_ceiling=squeeze.ceiling),
         normal_force=squeeze.normal,
@@ -82,9 +82,14 @@ def build_hand(problem: Problem, scene: Scene) -> HandModel:
     )
 
 
+def build_friction(problem: Problem) -> SoftFinger:
+    """Return the friction that ``problem`` believes in."""
+    return SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
+
+
 def build_squeeze(problem: Problem, scene: Scene) -> Squeeze:
     """Return how hard the fingers of ``scene`` squeeze the object of ``problem``."""
-    friction = SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
+    friction = build_friction(problem)
     bearable, greatest = (compute_force_at(scene, depth) for depth in (DEPTH, DEPTH_CEILING))
     return choose_squeeze(scene.object.mass, friction, bearable, greatest)
 
@@ -204,11 +209,9 @@ def rollout(
 
 def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
-    options = ControlOptions(
-        problem.friction.believed_sliding,
-        problem.friction.believed_torsional_m,
-        force_solver=problem.control.force_solver,
-    )
+    share = build_squeeze(problem, build_scene(problem)).friction_share
+    friction = build_friction(problem).scaled(share)
+    options = ControlOptions(friction.sliding, friction.torsional, force_solver=problem.control.force_solver)
     return replace(options, **changes)
 
 

@@ -32,7 +32,7 @@ def test_objects_that_bear_it_are_squeezed_as_ever(mass: float) -> None:
 
 
 @pytest.mark.parametrize("tip", [0.016, 0.018, 0.026])
-@pytest.mark.parametrize("mass", [0.002, 0.0027, 0.005, 0.01])
+@pytest.mark.parametrize("mass", [0.0027, 0.005, 0.01])
 def test_light_objects_are_squeezed_as_hard_as_they_bear(mass: float, tip: float) -> None:
     problem = load_problem(LIGHT, {"object.mass_kg": mass, "hand.tip_radii_m": [tip] * 3})
     scene = pipeline.build_scene(problem)
@@ -64,12 +64,25 @@ def test_what_bears_too_little_is_refused_with_mass_and_reason(
     assert Plan.from_dict(plan.as_dict()).as_dict() == plan.as_dict()
 
 
-@pytest.mark.parametrize("mass", np.geomspace(0.002, 0.4, 12))
+@pytest.mark.parametrize("mass", np.geomspace(0.0027, 0.4, 12))
 def test_one_contact_can_bear_what_two_others_press(mass: float) -> None:
     """While fingers are exchanged two of three stand on one side: twice the least force has to stay below the greatest."""
     squeeze = choose_squeeze(float(mass), FRICTION, 460.0 * mass, 580.0 * mass)
     assert 2.0 * squeeze.floor < squeeze.ceiling
     assert squeeze.floor < squeeze.normal <= squeeze.ceiling
+
+
+@pytest.mark.parametrize(("mass", "bears"), [(0.0038, False), (0.02, True)])
+def test_torsional_friction_has_to_bear_what_tips_twist_one_another(mass: float, bears: bool) -> None:
+    """3.8 g, tips of 10 mm and little friction: the ball slid in its plane of contact while it was carried."""
+    changes = {
+        "object.mass_kg": mass,
+        "object.radius_m": 0.038,
+        "hand.tip_radii_m": [0.01] * 3,
+        "friction.sliding": 0.273,
+    }
+    problem = load_problem("hold_two", changes)
+    assert (pipeline.build_squeeze(problem, pipeline.build_scene(problem)).refusal == "") == bears
 
 
 def test_heavy_objects_are_never_called_too_light() -> None:
