@@ -7,13 +7,18 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 MOST_DECIMALS = 9
 """Numbers that differ are told apart by at most so many decimals; what agrees in all of them is written out in full."""
 
 
 class DexplanError(Exception):
-    """Base of every error that a caller can mend."""
+    """Base of every error that a caller can mend.  It can be pickled, so that a worker process can hand it on."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make the error again from its sentence, whatever its ``__init__`` takes."""
+        return _restore, (type(self), self.args, self.__dict__)
 
 
 class ProblemError(DexplanError):
@@ -49,6 +54,13 @@ class OutputError(DexplanError):
 
 class RenderError(DexplanError):
     """No offscreen renderer could be started; says what to install."""
+
+
+def _restore(kind: type[DexplanError], args: tuple[Any, ...], fields: dict[str, Any]) -> DexplanError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(fields)
+    return error
 
 
 def spell_apart(value: float, bound: float, decimals: int = 1) -> tuple[str, str]:

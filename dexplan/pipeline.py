@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from dexplan.contact.friction import SoftFinger
-from dexplan.control.controller import ControlOptions
+from dexplan.control.options import ControlOptions
+from dexplan.control.rate import choose_rate
 from dexplan.control.reference import Timing, build_reference
 from dexplan.control.speed import compute_speed
 from dexplan.errors import DexplanError, RunFolderError
@@ -209,9 +210,15 @@ def rollout(
 
 def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     """Return the controller's options for ``problem``, with ``changes`` of single fields."""
-    share = build_squeeze(problem, build_scene(problem)).friction_share
-    friction = build_friction(problem).scaled(share)
-    options = ControlOptions(friction.sliding, friction.torsional, force_solver=problem.control.force_solver)
+    scene = build_scene(problem)
+    squeeze = build_squeeze(problem, scene)
+    friction = build_friction(problem).scaled(squeeze.friction_share)
+    room = squeeze.normal * (problem.friction.torsional_m - friction.torsional)
+    asked = problem.control.rate_hz
+    rate = choose_rate(room, scene.model.opt.timestep) if asked == "auto" else float(asked)
+    options = ControlOptions(
+        friction.sliding, friction.torsional, force_solver=problem.control.force_solver, rate=rate
+    )
     return replace(options, **changes)
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
+import pickle
 from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dexplan.errors import ProblemError, spell_apart
+from dexplan.errors import DexplanError, ProblemError, spell_apart
 from dexplan.problems.read import load_problem
 
 NUMBERS = st.floats(-1e4, 1e4)
@@ -47,3 +49,18 @@ def test_the_torsional_friction_that_is_named_is_accepted(sliding: float, tip: f
     with pytest.raises(ProblemError):
         load_problem("hold_three", {**changes, "friction.torsional_m": named + 2e-7})
     assert replace(problem).friction.sliding == sliding
+
+
+def list_kinds(kind: type[DexplanError] = DexplanError) -> list[type[DexplanError]]:
+    return [kind, *(deeper for sub in kind.__subclasses__() for deeper in list_kinds(sub))]
+
+
+@pytest.mark.parametrize("kind", list_kinds(), ids=lambda kind: kind.__name__)
+def test_an_error_survives_its_way_out_of_a_worker_process(kind: type[DexplanError]) -> None:
+    count = len(inspect.signature(kind).parameters) if kind.__init__ is not DexplanError.__init__ else 1
+    error = kind(*[f"word{i}" for i in range(count)])
+    error.trace = "what was recorded"  # type: ignore[attr-defined]
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is kind
+    assert str(again) == str(error)
+    assert vars(again) == vars(error)

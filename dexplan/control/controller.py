@@ -9,7 +9,6 @@ wanted torque.  Its state lives here and nowhere else.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import mink
 import mujoco
@@ -20,6 +19,7 @@ from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.contact.sphere import require_sphere
 from dexplan.control.observation import Observation
+from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Phase, Reference, smooth_step
 from dexplan.control.rolling import RollOffset
 from dexplan.control.tasks import FingertipTask, JointLimit
@@ -28,49 +28,14 @@ from dexplan.grasp.grasp import map_contact
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix, rotation_vector
 
-TICK = 0.004
-"""Control period [s]."""
 ACCELERATION_LIMIT = 15.0
 """Commanded joint accelerations beyond this [rad/s^2] are jumps, not motion, and get no torque of their own."""
 REFRESH = 5
 """Ticks between two looks at where the contacts are on the object."""
 CONE_SHARE = 0.99
 """Share of the believed cone that forces may use: the rest covers what contact frames are known to."""
-FORCE_SOLVERS = ("daqp", "osqp")
-"""Who may solve for the contact forces."""
 CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
 """The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
-
-
-@dataclass(frozen=True)
-class ControlOptions:
-    """What the controller believes and how it is tuned.
-
-    ``sliding`` and ``torsional`` [m] are the *believed* friction.  ``feedforward`` and ``object_feedback`` scale the two loops,
-    for ablations.
-    """
-
-    sliding: float
-    torsional: float
-    normal_floor: float | None = None
-    normal_ceiling: float | None = None
-    """Least and greatest normal force of a loaded contact [N]; None: the plan's."""
-    torque_fraction: float = 0.77
-    """Share of the torque limits that forces may take: plans keep to 0.70, and what the servos add has to stay below 0.8."""
-    feedforward: float = 1.0
-    object_feedback: float = 1.0
-    object_gain: float = 2.0
-    """Rate [1/s] at which the object's pose error moves the fingertips' targets."""
-    relaxation: float = 0.15
-    """Time constant [s] in which a fingertip's carried pose follows the measured one: unwanted squeeze goes."""
-    joint_speed: float = 8.0
-    """Fastest joint motion that mink may ask for [rad/s]."""
-    force_solver: Literal["daqp", "osqp"] = "daqp"
-    """Who solves for the contact forces: DAQP with OSQP behind it, or OSQP alone."""
-
-    def __post_init__(self) -> None:
-        if self.force_solver not in FORCE_SOLVERS:
-            raise ValueError(f"force solver {self.force_solver!r}; accepted: {' or '.join(FORCE_SOLVERS)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +67,7 @@ class Controller:
     def __init__(self, scene: Scene, reference: Reference, options: ControlOptions) -> None:
         require_sphere(scene.object.surface, "the controller")
         self._scene, self._reference, self._options = scene, reference, options
+        self._tick = options.tick
         self._n = scene.n_fingers
         spec = mujoco.MjSpec.from_string(scene.xml)
         spec.delete(spec.body("object/"))
@@ -149,7 +115,7 @@ class Controller:
         self._sense(observation)
         phase, t, is_done, failure = self._advance(observation)
         X_ref, _, acceleration = phase.object_path.sample(t)
-        X_next, _, _ = phase.object_path.sample(t + TICK)
+        X_next, _, _ = phase.object_path.sample(t + self._tick)
         self._relax(observation, phase, t)
         qdot, tip_error, at_limit = self._follow(phase, t, self._correct(observation, X_ref, X_next))
         forces_W, torque, qp = self._load(observation, phase, t, acceleration)
@@ -206,7 +172,7 @@ class Controller:
                 if t > phase.duration + self._reference.timing.touch_timeout:
                     failure = f"{self._scene.fingers[phase.finger].name} found no object where it should have touched"
             else:
-                over = t > phase.duration - 0.5 * TICK
+                over = t > phase.duration - 0.5 * self._tick
             if not over or last:
                 return phase, t, over and last, failure
             self._enter(self._phase + 1, observation.time, observation)
@@ -240,7 +206,7 @@ class Controller:
             self._is_primed = True
             self._correction[:3] = observation.X_WO[:3, 3] - X_ref[:3, 3]
             self._correction[3:] = rotation_vector(observation.X_WO[:3, :3] @ X_ref[:3, :3].T)
-        gain = self._options.object_feedback * self._options.object_gain * TICK
+        gain = self._options.object_feedback * self._options.object_gain * self._tick
         R_error = rotation_vector(X_ref[:3, :3] @ observation.X_WO[:3, :3].T)
         self._correction[:3] += gain * (X_ref[:3, 3] - observation.X_WO[:3, 3])
         self._correction[3:] += gain * R_error
@@ -257,7 +223,7 @@ class Controller:
     def _relax(self, observation: Observation, phase: Phase, t: float) -> None:
         if self._ticks % REFRESH:
             return
-        share = REFRESH * TICK / self._options.relaxation
+        share = REFRESH * self._tick / self._options.relaxation
         X_OW = invert_pose(observation.X_WO)
         for i in phase.holding:
             X_OF = X_OW @ self._X_WF[i]
@@ -272,22 +238,22 @@ class Controller:
 
     def _follow(self, phase: Phase, t: float, X_WO_aim: Array) -> tuple[Array, float, bool]:
         """Aim every fingertip for the end of this tick and let mink move the commanded posture there."""
-        before, s = (phase.object_path.progress(now)[0] for now in (t, t + TICK))
+        before, s = (phase.object_path.progress(now)[0] for now in (t, t + self._tick))
         for i in phase.holding:
             if i in phase.rolls and before < 1.0:
                 self._carried[i] = self._offsets[i].apply(phase.rolls[i], s)
             self._targets[i] = X_WO_aim @ self._carried[i]
         if phase.finger is not None and phase.finger not in phase.holding:
-            self._targets[phase.finger] = self._aim_free(phase, t + TICK, X_WO_aim)
+            self._targets[phase.finger] = self._aim_free(phase, t + self._tick, X_WO_aim)
         self._task.set_targets(self._targets)
         configuration = self._configuration
         try:
             velocity = mink.solve_ik(
-                configuration, [self._task], TICK, "daqp", damping=1e-9, limits=self._limits
+                configuration, [self._task], self._tick, "daqp", damping=1e-9, limits=self._limits
             )
         except mink.NoSolutionFound:
             velocity = np.zeros(self._model.nv)
-        configuration.integrate_inplace(velocity, TICK)
+        configuration.integrate_inplace(velocity, self._tick)
         error = self._task.compute_error(configuration).reshape(self._n, 6)
         q = configuration.q[self._joints]
         at_limit = bool((np.minimum(q - self._lower, self._upper - q) < 1e-3).any())
@@ -297,7 +263,7 @@ class Controller:
         """Return the joint torques (F, J) that the commanded motion takes: its inertia and the joints' own damping."""
         # Where a phase begins the command may jump, as when a finger has just touched: that is no acceleration to push for.
         self._settling = max(0, self._settling - 1)
-        acceleration = np.clip((qdot - self._qdot) / TICK, -ACCELERATION_LIMIT, ACCELERATION_LIMIT)
+        acceleration = np.clip((qdot - self._qdot) / self._tick, -ACCELERATION_LIMIT, ACCELERATION_LIMIT)
         acceleration *= self._settling == 0
         self._qdot = qdot
         flat, inertial = np.zeros(self._model.nv), np.zeros(self._model.nv)

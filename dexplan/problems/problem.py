@@ -221,6 +221,8 @@ class ControlSection:
     """Object rotation speed while it moves."""
     force_solver: Literal["daqp", "osqp"] = "daqp"
     """Who solves for the contact forces of each tick: DAQP with OSQP behind it, or OSQP alone."""
+    rate_hz: Literal["auto", 125, 250, 500, 1000] = "auto"
+    """How often the controller is asked and a sample recorded; "auto": 250, more often where torsional friction is thin."""
 
 
 @dataclass(frozen=True)

@@ -126,6 +126,7 @@ ACCEPTED = {
     "obstacles[].size_m": "half sizes of a box, [radius] of a sphere or [radius, half length] of a capsule",
     "control.physics_profile": '"firm" or "portable"',
     "control.force_solver": '"daqp" or "osqp"',
+    "control.rate_hz": '"auto", 125, 250, 500 or 1000',
     "acceptance": "a table of limits, each a number or true/false",
     **dict.fromkeys(("object", "hand", "friction", "start", "goal", "gait", "control"), _TABLE),
 }

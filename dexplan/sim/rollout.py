@@ -8,8 +8,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dexplan.control.controller import TICK, Command, Controller, ControlOptions
+from dexplan.control.controller import Command, Controller
 from dexplan.control.observation import Observation
+from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
 from dexplan.scene.chain import solve_ik
 from dexplan.scene.scene import Scene
@@ -44,7 +45,11 @@ def rollout(
     """
     believed, scene = scene, world or scene
     model = scene.model
-    steps = round(TICK / model.opt.timestep)
+    steps = round(options.tick / model.opt.timestep)
+    if steps < 1 or abs(steps * model.opt.timestep - options.tick) > 1e-9:
+        raise ValueError(
+            f"{options.rate:g} ticks per second do not last a whole number of physics steps of {model.opt.timestep:g} s"
+        )
     data, probe = mujoco.MjData(model), mujoco.MjData(model)
     X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
     _set_start(scene, believed, reference, options, X_WO, data)
@@ -54,7 +59,7 @@ def rollout(
     initial_state = state.copy()
     controller = Controller(believed, reference, options)
     rows: dict[str, list[Any]] = {name: [] for name in _COLUMNS}
-    planned = max(reference.duration, TICK)
+    planned = max(reference.duration, options.tick)
     failure: str | None = None
 
     def as_trace(failure: str | None) -> Trace:
@@ -68,7 +73,7 @@ def rollout(
         return Trace(scene.xml, columns, {**(meta or {}), "failure": failure, **made_by})
 
     try:
-        for _ in range(int(3.0 * planned / TICK) + 500):
+        for _ in range(int(3.0 * planned / options.tick) + 500):
             command = controller.step(_observe(scene, data))
             data.ctrl[:] = command.ctrl
             mujoco.mj_getState(model, data, state, STATE)

@@ -22,7 +22,7 @@ ATTITUDES, GRASPS = 60, 20
 SEED = 7000
 """Random questions are drawn from here on."""
 
-START = [[-38.0, 0.0], [102.0, 0.0], "free"]
+START = {"contacts_deg": [[-38.0, 0.0], [102.0, 0.0], "free"]}
 TURN = {"rotation": {"axis": [0.0, 0.0, 1.0], "angle_deg": 90.0}}
 
 
@@ -32,16 +32,16 @@ def _adjust(*contacts: list[float]) -> dict[str, Any]:
 
 
 REFUSED: dict[str, dict[str, Any]] = {
-    "too slippery": {"goal": TURN, "friction": {"sliding": 0.2, "torsional_m": 0.0005}},
+    "too slippery": {"goal": TURN, "friction": {"sliding": 0.08, "torsional_m": 0.0002}},
     "slippery from a start": {"start": START, "goal": TURN, "friction": {"sliding": 0.3, "torsional_m": 0.001}},
     "too heavy": {"goal": TURN, "object": {"mass_kg": 3.0}},
     "heavy from a start": {"start": START, "goal": TURN, "object": {"mass_kg": 1.0}},
-    "too large": {"goal": TURN, "object": {"radius_m": 0.08}},
-    "too small": {"goal": TURN, "object": {"radius_m": 0.006}},
-    "start too near": {"start": [[-38.0, 0.0], [60.0, 0.0], "free"], "goal": TURN},
-    "start out of reach": {"start": [[180.0, 0.0], [0.0, 0.0], "free"], "goal": TURN},
-    "start on the wrong side": {"start": [[102.0, 0.0], [-38.0, 0.0], "free"], "goal": TURN},
-    "start above": {"start": [[0.0, 90.0], [0.0, -90.0], "free"], "goal": TURN},
+    "too large": {"goal": TURN, "object": {"radius_m": 0.11}},
+    "too light": {"goal": TURN, "object": {"mass_kg": 0.0008}},
+    "start too near": {"start": {"contacts_deg": [[-38.0, 0.0], [60.0, 0.0], "free"]}, "goal": TURN},
+    "start out of reach": {"start": {"contacts_deg": [[180.0, 0.0], [0.0, 0.0], "free"]}, "goal": TURN},
+    "start on the wrong side": {"start": {"contacts_deg": [[102.0, 0.0], [-38.0, 0.0], "free"]}, "goal": TURN},
+    "start above": {"start": {"contacts_deg": [[0.0, 90.0], [0.0, -90.0], "free"]}, "goal": TURN},
     "shift too far": {"start": START, "goal": {"translation_m": [0.2, 0.0, 0.0]}},
     "shift too high": {"goal": {"translation_m": [0.0, 0.0, 0.3]}},
     "shift into the floor": {"goal": {"translation_m": [0.0, 0.0, -0.15]}},
@@ -51,7 +51,7 @@ REFUSED: dict[str, dict[str, Any]] = {
     "few nodes": {"start": START, "goal": {"rotation": {"axis": [0, 0, 1], "angle_deg": 720.0}}, "gait": {"node_budget": 3}},
     "goal contacts below": _adjust([0.0, -80.0], [120.0, -80.0], [240.0, -80.0]),
     "goal contacts not closed": _adjust([0.0, 0.0], [70.0, 0.0], [140.0, 0.0]),
-    "goal contacts swapped": _adjust([180.0, 10.0], [60.0, 0.0], [-60.0, 0.0]),
+    "goal contacts swapped": _adjust([180.0, 0.0], [-60.0, -40.0], [60.0, -40.0]),
 }  # fmt: skip
 """Goals that are refused, each for another reason, as changes of a problem file."""
 
@@ -83,7 +83,7 @@ def pose(question: PlanQuestion) -> Problem:
         return load_problem(question.key)
     if question.kind == "refused":
         name = question.key.removeprefix("refused: ")
-        return build_problem({"format": 1, "name": name, **REFUSED[name]})
+        return build_problem({"format": 1, "name": name.replace(" ", "_"), **REFUSED[name]})
     if question.kind == "attitude":
         problem = load_problem("any_attitude")
         hand = pipeline.build_hand(problem, pipeline.build_scene(problem))

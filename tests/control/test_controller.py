@@ -14,8 +14,9 @@ import pytest
 
 import dexplan.control
 from dexplan import pipeline
-from dexplan.control.controller import TICK, Command, Controller, ControlOptions
+from dexplan.control.controller import Command, Controller
 from dexplan.control.observation import Observation
+from dexplan.control.options import RATE, ControlOptions
 from dexplan.control.reference import Reference, build_reference
 from dexplan.control.tasks import FingertipTask
 from dexplan.problems.problem import Problem
@@ -23,6 +24,8 @@ from dexplan.problems.read import load_problem
 from dexplan.scene.chain import solve_ik
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY
+
+TICK = 1.0 / RATE
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from dexplan import pipeline
-from dexplan.control.controller import ControlOptions
+from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, Timing, build_reference
 from dexplan.planning.gaits import Step, build_actions
 from dexplan.planning.plan import SOLVED, Plan

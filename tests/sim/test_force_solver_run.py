@@ -10,7 +10,7 @@ import pytest
 from short_runs import build_plan_reference, plan_of
 
 from dexplan import pipeline
-from dexplan.control.controller import ControlOptions
+from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Timing
 from dexplan.grasp.force import ForceSolution, ForceSolver
 from dexplan.problems.problem import Problem

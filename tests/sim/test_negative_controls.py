@@ -22,7 +22,7 @@ from short_runs import (
 )
 
 from dexplan import pipeline
-from dexplan.control.controller import ControlOptions
+from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
 from dexplan.planning.plan import Plan, PlannedPhase
 from dexplan.problems.problem import AllowedRegion, Problem

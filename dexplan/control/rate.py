@@ -1,0 +1,32 @@
+"""How often the controller has to be asked, so that commands held for a whole tick do not twist the tips off the object."""
+
+from __future__ import annotations
+
+from dexplan.control.options import RATE
+
+TWIST = 3.0e-3
+"""Torque [N m] about the contact normal that may twist a tip at the beginning and at the end of a tick of 4 physics steps.
+
+A position servo holds its command for a tick.  While a joint turns it is pulled ahead after each new command and has run past it
+when the next one comes: the torque of the servo goes up and down by gain x joint speed x half a tick, around a mean that is the
+one planned.  Read step by step (94 g, tips of 7 and 25 mm, 20 deg/s): 1.6 mN m up and down, mean off by 0.07 mN m.  It does not
+depend on gains of the feedback, relaxation or feedforward, and falls to a third with ticks of half the length.  Largest seen in
+seven random problems: 2.1 mN m."""
+STEPS = 4
+"""Physics steps in the ticks that ``TWIST`` was measured with; a tick of one step has no up and down."""
+RATES = (RATE, 500.0, 1000.0)
+"""Ticks per second to choose from."""
+
+
+def choose_rate(room: float, timestep: float) -> float:
+    """Return the least of ``RATES`` at which commands held for a tick twist tips by at most ``room`` [N m], else the greatest.
+
+    Args:
+        room: what the true torsional friction bears beyond what forces are planned with, at the squeeze aimed at [N m].
+        timestep: of the physics [s].
+    """
+    for rate in RATES:
+        steps = 1.0 / (rate * timestep)
+        if TWIST * (steps - 1.0) / (STEPS - 1.0) <= room + 1e-9:
+            return rate
+    return RATES[-1]

@@ -1,0 +1,74 @@
+"""How often the controller is asked: commands held for a tick twist the tips, and thin torsional friction needs short ticks."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from dexplan import pipeline
+from dexplan.control.rate import RATES, STEPS, TWIST, choose_rate
+from dexplan.errors import ProblemError
+from dexplan.problems.read import load_problem
+
+
+@pytest.mark.parametrize(
+    ("room", "rate"),
+    [(1.0, 250.0), (TWIST, 250.0), (0.999 * TWIST, 500.0), (0.33 * TWIST, 1000.0), (0.0, 1000.0)],
+)
+def test_the_rate_is_the_least_that_leaves_room(room: float, rate: float) -> None:
+    assert choose_rate(room, 1e-3) == rate
+
+
+def test_a_tick_of_one_physics_step_has_no_twist() -> None:
+    assert RATES[0] * STEPS * 1e-3 == pytest.approx(1.0)
+    assert choose_rate(0.0, 1.0 / RATES[0]) == RATES[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "rate"),
+    [
+        ({}, 250.0),
+        ({"control.physics_profile": "portable"}, 250.0),
+        ({"friction.torsional_m": 0.0012}, 500.0),
+        ({"friction.torsional_m": 0.0005}, 1000.0),
+        ({"friction.safety": 1.0}, 1000.0),
+        ({"friction.torsional_m": 0.0005, "control.rate_hz": 125}, 125.0),
+    ],
+)
+def test_thin_torsional_friction_raises_the_rate_unless_one_is_asked_for(
+    changes: dict[str, object], rate: float
+) -> None:
+    assert pipeline.build_options(load_problem("hold_three", changes)).rate == rate
+
+
+@pytest.mark.parametrize("value", [0, -250, 333, 250.5, "fast", True])
+def test_other_rates_are_refused_with_those_that_are_accepted(value: object) -> None:
+    with pytest.raises(ProblemError, match="125, 250, 500 or 1000"):
+        load_problem("hold_three", {"control.rate_hz": value})
+
+
+def test_a_rate_that_is_no_whole_number_of_physics_steps_is_refused() -> None:
+    problem = load_problem("hold_two")
+    options = dataclasses.replace(pipeline.build_options(problem), rate=300.0)
+    with pytest.raises(ValueError, match="whole number of physics steps"):
+        pipeline.rollout(problem, pipeline.plan(problem), options=options)
+
+
+def test_shorter_ticks_twist_less() -> None:
+    problem = load_problem(
+        "fig4_substitution",
+        {"goal.rotation.angle_deg": 15.0, "start.contacts_deg": [[36.0, 0.0], [180.0, 0.0], "free"]},
+    )
+    plan = pipeline.plan(problem)
+    twist = {}
+    for rate in RATES:
+        options = dataclasses.replace(pipeline.build_options(problem), rate=rate)
+        trace = pipeline.rollout(problem, plan, options=options)
+        moving = np.array([plan.actions[k].kind == "move_object" for k in trace["action_index"]])
+        off = trace["contact_force"][moving, :, 3] - trace["contact_force_reference"][moving, :, 3]
+        twist[rate] = float(np.nanmax(np.abs(off)))
+    # In steps of 4, 2 and 1 ms the tick begins 1.5, 0.5 and 0 steps away from its mean.
+    assert twist[500.0] < 0.5 * twist[250.0]
+    assert twist[1000.0] < 0.3 * twist[250.0]
