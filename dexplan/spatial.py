@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 """Magnitude of gravity [m/s^2], along -z of the world."""
+VERTICAL = np.array([0.0, 0.0, 1.0])
+"""The unit world axis (3,) that points up."""
 
 
 def read_only(values: ArrayLike) -> Array:

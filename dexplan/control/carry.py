@@ -8,9 +8,8 @@ import numpy as np
 
 from dexplan.planning.plan import Placement
 from dexplan.planning.roll import Roll
-from dexplan.planning.travel import wrap_near
-from dexplan.scene.chain import compute_tip_jacobian, solve_ik
-from dexplan.scene.description import FingerDescription
+from dexplan.scene.chain import compute_tip_jacobian, solve_ik, wrap_near
+from dexplan.scene.finger import FingerDescription
 from dexplan.spatial import Array, hat
 
 

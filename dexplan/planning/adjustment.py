@@ -13,18 +13,19 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated, rest_at
+from dexplan.planning.coordinated import center_spin, plan_coordinated
 from dexplan.planning.cost import Improvement
-from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts
+from dexplan.planning.motion import ObjectMotion, rest_at
 from dexplan.planning.passes import GAVE_UP, PASSES, Outcome, scale_work
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import FIRST, Start
 from dexplan.planning.reorient import Turns
 from dexplan.planning.stages import Stages
-from dexplan.spatial import Array
+from dexplan.spatial import VERTICAL, Array
 
 KIND = "grasp_adjustment"
 TURNS = 8

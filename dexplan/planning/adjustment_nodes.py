@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from dexplan.planning.gaits import describe_detour
 from dexplan.planning.layers import Layers
 from dexplan.planning.moves import Contacts, Move, reverse_roll
 from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.still import Stand
-from dexplan.planning.travel import Way
+from dexplan.planning.travel import Way, describe_detour
 
 Labels = tuple[int | None, ...]
 """Per finger what its contact is to the goal, as :meth:`StillContacts.label` says."""

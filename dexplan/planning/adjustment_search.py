@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.planning.adjustment_nodes import Labels, Node, build_moves, trace_back
-from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.goal_side import OPTIONS, GoalSide
 from dexplan.planning.layers import Layers
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.moves import Adjustment, Contacts, Move, is_same
 from dexplan.planning.plan import Placement
 from dexplan.planning.relocation_bound import RelocationBound

@@ -8,7 +8,7 @@ import numpy as np
 
 from dexplan.errors import spell_apart
 from dexplan.planning.aligned import build_aligned
-from dexplan.planning.conditions import Condition, classify_nearness
+from dexplan.planning.conditions import Condition, classify_nearness, explain_locked_joint
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.lone_clearance import list_others
@@ -106,19 +106,6 @@ def explain_contact(
         why = f"{nearest.names} would come within {gaps[0]} mm, and {gaps[1]} mm have to be left"
         return classify_nearness(nearest), why
     return None, ""
-
-
-def explain_locked_joint(hand: HandModel, finger: int) -> str:
-    """Return which joint of a finger has no room between its limits for holding anything, in words; "" where all have."""
-    description, margin = hand.fingers[finger], hand.limits.joint_margin
-    ranges = description.chain.upper - description.chain.lower
-    if ranges.min() > 2.0 * margin + 1e-9:
-        return ""
-    name = description.joint_names[int(ranges.argmin())].replace("/", ".")
-    return (
-        f"{name} has a range of {np.degrees(ranges.min()):.1f} deg, and a finger that holds keeps {np.degrees(margin):.0f} deg "
-        "to either end"
-    )
 
 
 def explain_start_contact(hand: HandModel, X_WO: Array, finger: int, given: StartContact) -> tuple[str, str]:

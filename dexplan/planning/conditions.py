@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from enum import StrEnum
 
 import numpy as np
 
 from dexplan.planning.hand import HandModel
-from dexplan.planning.regions import compute_pair_angle_max, describe_separation
+from dexplan.planning.separation import compute_pair_angle_max, describe_separation
 from dexplan.scene.description import STANDING, Nearness
 
 
@@ -46,3 +47,21 @@ def classify_nearness(nearest: Nearness) -> Condition:
         return Condition.STANDING
     fingers = {owner for owner in nearest.owners if owner >= 0}
     return Condition.FINGERS if len(fingers) > 1 else Condition.POSTURE
+
+
+def explain_locked_joint(hand: HandModel, finger: int) -> str:
+    """Return which joint of a finger has no room between its limits for holding anything, in words; "" where all have."""
+    description, margin = hand.fingers[finger], hand.limits.joint_margin
+    ranges = description.chain.upper - description.chain.lower
+    if ranges.min() > 2.0 * margin + 1e-9:
+        return ""
+    name = description.joint_names[int(ranges.argmin())].replace("/", ".")
+    return (
+        f"{name} has a range of {np.degrees(ranges.min()):.1f} deg, and a finger that holds keeps {np.degrees(margin):.0f} deg "
+        "to either end"
+    )
+
+
+def without_numbers(refusal: str) -> str:
+    """Return a refusal without what differs from state to state, so that like refusals can be counted."""
+    return re.sub(r" within -?[0-9.]+ mm", " too near", refusal)

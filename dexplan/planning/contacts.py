@@ -19,17 +19,14 @@ from dexplan.planning.aligned import build_aligned
 from dexplan.planning.candidates import Landings, find_landings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Candidates, Held, Landfall, Landing
-from dexplan.planning.legs import STEP, Leg
+from dexplan.planning.legs import Leg
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
+from dexplan.planning.motion import STEP
 from dexplan.planning.orbits import OUT_OF_REACH, Orbit, build_fixed_orbit, build_orbits
+from dexplan.planning.order import ORDER_GAP
 from dexplan.planning.plan import Placement
-from dexplan.planning.regions import (
-    ORDER_GAP,
-    compute_opposition,
-    compute_pair_angle_max,
-    compute_regions,
-    describe_separation,
-)
+from dexplan.planning.regions import compute_regions
+from dexplan.planning.separation import compute_opposition, compute_pair_angle_max, describe_separation
 from dexplan.planning.theorems import check_theorem_1
 from dexplan.spatial import Array, invert_pose
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from dexplan.planning.hand import HandModel
-from dexplan.planning.regions import keeps_order
+from dexplan.planning.order import keeps_order
 from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
 from dexplan.spatial import Array
 

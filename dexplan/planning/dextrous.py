@@ -13,11 +13,11 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.cost import Improvement
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.hand import HandModel
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.overlap import overlap_travel
 from dexplan.planning.passes import GAVE_UP, PASSES, Pass
 from dexplan.planning.plan import Plan

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from dexplan.planning.admissible import Admissibility
-from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, follow_actions, without_holds
 from dexplan.planning.plan import Action, Plan
@@ -21,6 +21,7 @@ from dexplan.planning.planner import Start, plan_rotations
 from dexplan.planning.roll_gait import build_roll_actions
 from dexplan.planning.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.still import StillContacts
+from dexplan.spatial import VERTICAL
 
 BUDGETS = (12, 12, 50, 400)
 """Nodes that the gaits from one beginning may open, at first from the first beginning alone and then from all of them: more,

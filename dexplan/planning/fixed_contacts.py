@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dexplan.planning.admissible import Admissibility, FingerState, Margins, compute_finger_states, worst
-from dexplan.planning.coordinated import ObjectMotion, center_spin, follow_object, judge_carry
+from dexplan.planning.carry import follow_object, judge_carry
+from dexplan.planning.coordinated import center_spin
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.plan import MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
 from dexplan.planning.planner import Start, plan_rotation
 from dexplan.spatial import Array, read_only

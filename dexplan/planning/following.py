@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dexplan.planning.spherical_wrist import find_spherical_wrist, solve_near
-from dexplan.planning.travel import wrap_near
-from dexplan.scene.chain import Chain, solve_ik
+from dexplan.scene.chain import Chain, solve_ik, wrap_near
 from dexplan.spatial import Array
 
 JUMP = 0.30

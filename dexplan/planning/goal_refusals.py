@@ -11,7 +11,7 @@ from dexplan.errors import spell_apart
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.hand import HandModel
-from dexplan.planning.regions import compute_pair_angle_max, describe_separation
+from dexplan.planning.separation import compute_pair_angle_max, describe_separation
 from dexplan.spatial import Array, build_frame
 
 GoalContacts = tuple[Array | None, ...]

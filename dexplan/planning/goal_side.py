@@ -13,14 +13,14 @@ from itertools import combinations
 
 from dexplan.planning.adjustment_nodes import change_stand
 from dexplan.planning.admissible import Admissibility
-from dexplan.planning.coordinated import rest_at
+from dexplan.planning.conditions import without_numbers
 from dexplan.planning.hand import HandModel
 from dexplan.planning.layers import Layers
+from dexplan.planning.motion import rest_at
 from dexplan.planning.moves import Contacts
 from dexplan.planning.relocation_bound import Pair, RelocationBound
 from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.roll_to_goal import RollEveryPair
-from dexplan.planning.states import without_numbers
 from dexplan.planning.still import Stand, StillContacts
 from dexplan.spatial import Array
 

@@ -11,7 +11,8 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.contact.sphere import require_sphere
-from dexplan.scene.description import FingerDescription, Nearness, ObjectDescription
+from dexplan.scene.description import Nearness, ObjectDescription
+from dexplan.scene.finger import FingerDescription
 from dexplan.scene.workspace import Workspace
 from dexplan.spatial import Array
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from dexplan.planning.coordinated import ObjectMotion, follow_object
+from dexplan.planning.carry import follow_object
 from dexplan.planning.gaits import build_hold
 from dexplan.planning.hand import HandModel
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.moves import Contacts, Move
 from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.spatial import Array

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dexplan.planning.admissible import Admissibility, FingerState, compute_finger_states, worst
-from dexplan.planning.coordinated import ObjectMotion, follow_object, judge_carry
+from dexplan.planning.carry import follow_object, judge_carry
 from dexplan.planning.hand import HandModel
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.still import Stand, StillContacts
 from dexplan.spatial import Array
 

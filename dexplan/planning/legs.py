@@ -11,14 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
+from dexplan.planning.motion import SHIFT_STEP, STEP
 from dexplan.spatial import Array, read_only, rotate_about
 
-STEP = float(np.radians(2.0))
-"""Spacing of stations of a turn, and of the samples at which it is checked [rad]."""
 CIRCLE = 180
 """Stations of a whole turn."""
-SHIFT_STEP = 1.5e-3
-"""Largest spacing of stations of a shift [m]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dexplan.planning.coordinated import ObjectMotion
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.plan import Placement
 from dexplan.planning.roll import Roll
 from dexplan.planning.roll_to_goal import measure_angle

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from dexplan.planning.contacts import ContactTable
-from dexplan.planning.gaits import Step
 from dexplan.planning.held import Held
+from dexplan.planning.steps import Step
 
 Limit = tuple[int | None, str]
 

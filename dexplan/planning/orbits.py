@@ -18,8 +18,7 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.legs import Leg
 from dexplan.planning.lone_clearance import list_others, remember_clearances
 from dexplan.planning.spherical_wrist import estimate_dexterity, solve_near, solve_tip_pose
-from dexplan.planning.travel import wrap_near
-from dexplan.scene.chain import Chain
+from dexplan.scene.chain import Chain, wrap_near
 from dexplan.spatial import Array, make_pose, read_only
 
 _JUMP = 0.30

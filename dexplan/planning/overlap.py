@@ -11,15 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from dexplan.planning.coordinated import ObjectMotion, follow_object
+from dexplan.planning.carry import follow_object
 from dexplan.planning.detour import Surroundings, find_detour
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, follow_actions
+from dexplan.planning.motion import ObjectMotion
+from dexplan.planning.order import keeps_order
 from dexplan.planning.plan import Action, Placement, Plan
-from dexplan.planning.regions import keeps_order
 from dexplan.planning.travel import Way, build_travel, compute_hover, compute_travel_margin, refine
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
-from dexplan.scene.description import FingerDescription
+from dexplan.scene.finger import FingerDescription
 from dexplan.spatial import Array
 
 TRAVEL = "travel"

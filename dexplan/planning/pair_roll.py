@@ -18,11 +18,12 @@ import numpy as np
 from dexplan.planning.admissible import Admissibility, worst
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.escape import DEAR, ENOUGH, count_room_at, find_places
-from dexplan.planning.goal import RotationGoal, build_routes
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.roll_gait import STEP, build_roll, end_placement, follow_roll, judge_ways
 from dexplan.planning.roll_to_goal import Rolled
+from dexplan.planning.routes import build_routes
 from dexplan.spatial import Array, build_frame
 
 HEADINGS = 12

@@ -23,7 +23,8 @@ from dexplan.planning.hand import HandModel
 from dexplan.planning.icosphere import build_icosphere
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.lone_clearance import LEVEL, list_others
-from dexplan.planning.regions import compute_opposition, compute_pair_angle_max, keeps_order
+from dexplan.planning.order import keeps_order
+from dexplan.planning.separation import compute_opposition, compute_pair_angle_max
 from dexplan.planning.spherical_wrist import estimate_dexterity, solve_near, solve_tip_pose
 from dexplan.scene.chain import compute_tip_pose
 from dexplan.scene.description import STANDING, Nearness

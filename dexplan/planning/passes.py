@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.joining import Contacts
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.plan import Action
 
 GAVE_UP = "budget_exhausted"

@@ -16,14 +16,15 @@ from dexplan.planning.contacts import ContactTable
 from dexplan.planning.cost import Improvement
 from dexplan.planning.escape import ENOUGH, count_room, find_escapes
 from dexplan.planning.gaits import build_actions
-from dexplan.planning.goal import RotationGoal, build_detours, build_routes, list_swings
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held
 from dexplan.planning.legs import Leg
 from dexplan.planning.pair_survey import PairSurvey, explain_no_pair
 from dexplan.planning.plan import SOLVED, Action, Placement, Plan
-from dexplan.planning.regions import compute_pair_angle_max
+from dexplan.planning.routes import build_detours, build_routes, list_swings
 from dexplan.planning.search import CURE, GaitSearch, Node
+from dexplan.planning.separation import compute_pair_angle_max
 from dexplan.planning.spherical_wrist import solve_standing
 from dexplan.planning.start_pairs import explain_unreachable
 

@@ -14,65 +14,13 @@ from functools import cached_property, reduce
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.contact.friction import SoftFinger
 from dexplan.contact.shapes import Sphere
 from dexplan.planning.contactable import ContactLimits, Toucher, compute_contactable
 from dexplan.planning.hand import HandModel
+from dexplan.planning.separation import compute_pair_angle_max
 from dexplan.planning.spherical import SphericalRegion, build_cap, build_closure
 from dexplan.scene.description import ContactCone
 from dexplan.spatial import Array, invert_pose, make_pose, read_only
-
-
-def compute_pair_angle_max(friction: SoftFinger) -> float:
-    """Return the largest angle [rad] between a contact normal and the chord of a pair that friction allows: atan mu.
-
-    On a sphere two contacts at central angle phi make ``90 deg - phi / 2`` with their chord, so this is
-    ``phi >= 180 deg - 2 atan mu`` [paper §3, result 2].
-    """
-    return float(np.arctan(friction.sliding))
-
-
-def compute_opposition(beta_max: float) -> float:
-    """Return what the cosine between one contact's normal and the opposite of the other's has to exceed for the two to hold.
-
-    ``beta_max`` [rad] is the largest angle between normals and chord that counts.  Where friction is so low that the margin kept
-    leaves no such angle (0 or less) this is infinite: no two contacts hold alone.
-    """
-    return float(np.cos(2.0 * beta_max)) if beta_max > 0.0 else float(np.inf)
-
-
-def describe_separation(beta_max: float, sliding: float) -> str:
-    """Return in words how far two contacts have to be apart to hold alone, or that with this ``sliding`` friction none do.
-
-    To follow "contacts" or "contacts have to be".  ``beta_max`` [rad] as for ``compute_opposition``.
-    """
-    if beta_max <= 0.0:
-        return (
-            f"far enough apart (with the believed friction of {sliding:.3g} and the margin kept no two contacts hold alone, "
-            "not even opposite ones)"
-        )
-    angle = np.degrees(np.pi - 2.0 * beta_max)
-    return f"{angle:.1f} deg or more apart, as force closure with the believed friction and a margin needs"
-
-
-ORDER_GAP = float(np.radians(4.0))
-"""Neighbouring fingertips keep at least this much azimuth between them: nearer, their order would be a matter of noise."""
-
-
-def keeps_order(hand: HandModel, normals: dict[int, Array]) -> bool:
-    """Return whether fingers touching along ``normals`` (3,) in W stand around the object in the order of their bases.
-
-    The paper's fingers never change their relative (clockwise) positions [paper §4].  Order is taken around the vertical.
-    """
-    if len(normals) < 3:
-        return True
-    center = hand.object.X_WO_home[:2, 3]
-    bases = {i: hand.fingers[i].chain.offsets[0][:2, 3] - center for i in normals}
-    order = sorted(normals, key=lambda i: np.arctan2(bases[i][1], bases[i][0]))
-    azimuths = np.array([np.arctan2(normals[i][1], normals[i][0]) for i in order])
-    # In order, the steps from finger to finger are all positive and make one turn.
-    steps = np.mod(np.roll(azimuths, -1) - azimuths, 2.0 * np.pi)
-    return bool(steps.min() >= ORDER_GAP and abs(steps.sum() - 2.0 * np.pi) < 1e-6)
 
 
 @dataclass(frozen=True, eq=False)

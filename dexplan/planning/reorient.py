@@ -10,8 +10,8 @@ import numpy as np
 
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.grasp.margin import solve_bounded_margin
-from dexplan.planning.coordinated import ObjectMotion
 from dexplan.planning.joining import Contacts
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.stages import Stages
 from dexplan.planning.still import build_landings
 from dexplan.scene.workspace import spread_directions

@@ -21,11 +21,11 @@ from dexplan.planning.admissible import Admissibility, Margins, compute_finger_s
 from dexplan.planning.following import follow_tip
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.roll import Roll
+from dexplan.planning.separation import compute_pair_angle_max
 from dexplan.planning.tip_rotation import ROUNDING, describe_rotation, measure_rotation, trace_on_tip
-from dexplan.planning.travel import build_travel, compute_hover, compute_travel_margin, refine, wrap_near
-from dexplan.scene.chain import compute_joint_margin, solve_ik
+from dexplan.planning.travel import build_travel, compute_hover, compute_travel_margin, refine
+from dexplan.scene.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.spatial import Array
 
 STEP = float(np.radians(1.0))

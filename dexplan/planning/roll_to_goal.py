@@ -10,7 +10,6 @@ import numpy as np
 from dexplan.planning.admissible import Admissibility, worst
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Placement
-from dexplan.planning.regions import compute_pair_angle_max
 from dexplan.planning.roll import Roll
 from dexplan.planning.roll_gait import (
     STEP,
@@ -21,6 +20,7 @@ from dexplan.planning.roll_gait import (
     follow_roll,
     judge_ways,
 )
+from dexplan.planning.separation import compute_pair_angle_max
 from dexplan.spatial import Array
 
 ROLL_REACH = float(np.radians(45.0))

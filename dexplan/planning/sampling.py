@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from dexplan.planning.aligned import build_aligned
 from dexplan.planning.hand import HandModel
-from dexplan.planning.regions import compute_pair_angle_max
+from dexplan.planning.separation import compute_pair_angle_max
 from dexplan.scene.chain import compute_joint_margin
 from dexplan.spatial import Array
 

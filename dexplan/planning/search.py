@@ -15,17 +15,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dexplan.planning.admissible import Admissibility, Margins, worst
-from dexplan.planning.conditions import Condition
+from dexplan.planning.conditions import Condition, without_numbers
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.cost import CostWeights, compute_cost
-from dexplan.planning.gaits import Step
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held, Landfall
 from dexplan.planning.legs import Leg
 from dexplan.planning.nodes import Node, build_steps, trace_back
 from dexplan.planning.ranking import Ranking
 from dexplan.planning.start_pairs import find_start_pairs
-from dexplan.planning.states import DETOUR_COST, StateChecks, without_numbers
+from dexplan.planning.states import DETOUR_COST, StateChecks
+from dexplan.planning.steps import Step
 from dexplan.planning.travel import spell_nearness
 
 TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)

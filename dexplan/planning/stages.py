@@ -14,14 +14,15 @@ import numpy as np
 
 from dexplan.planning.adjustment_search import AdjustmentSearch
 from dexplan.planning.admissible import Admissibility
-from dexplan.planning.coordinated import ObjectMotion, center_spin, plan_coordinated
+from dexplan.planning.coordinated import center_spin, plan_coordinated
 from dexplan.planning.cost import Improvement, compute_actions_cost
 from dexplan.planning.ends import BUDGETS, Beginning, End, Ends, choose_beginnings
-from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.goal_refusals import GoalContacts, explain_separation, suggest_cure
 from dexplan.planning.goal_side import GoalSide
 from dexplan.planning.hand import HandModel
 from dexplan.planning.joining import Contacts, build_move_actions, enclose, follow_actions
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.passes import (
     NOT_BEGUN,
     Outcome,
@@ -37,7 +38,7 @@ from dexplan.planning.planner import FIRST, Start, plan_rotation
 from dexplan.planning.roll_gait import RollPlan
 from dexplan.planning.still import StillContacts, build_landings
 from dexplan.planning.tip_rotation import refuse_rotation
-from dexplan.spatial import Array
+from dexplan.spatial import VERTICAL, Array
 
 SEARCH_BUDGET = 160
 """Nodes that one search for an adjustment may open."""

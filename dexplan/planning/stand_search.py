@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.planning.adjustment_nodes import Entry, Node, change_stand
+from dexplan.planning.conditions import without_numbers
 from dexplan.planning.layers import Layers
 from dexplan.planning.relocation_bound import RelocationBound
-from dexplan.planning.states import without_numbers
 from dexplan.planning.still import Stand
 from dexplan.planning.travel import spell_nearness
 from dexplan.scene.workspace import spread_directions

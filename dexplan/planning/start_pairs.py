@@ -9,10 +9,10 @@ from itertools import combinations
 
 import numpy as np
 
-from dexplan.planning.blocked import explain_locked_joint
+from dexplan.planning.conditions import explain_locked_joint
 from dexplan.planning.contacts import APART, ContactTable
 from dexplan.planning.held import Held
-from dexplan.planning.regions import compute_opposition
+from dexplan.planning.separation import compute_opposition
 from dexplan.spatial import Array
 
 COUNT = 24

@@ -7,13 +7,11 @@ not.  Only what lies between is asked right away; every state of a finished plan
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.planning.admissible import Admissibility, Margins
-from dexplan.planning.conditions import Condition, classify_nearness
+from dexplan.planning.conditions import Condition, classify_nearness, without_numbers
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.detour import Surroundings
 from dexplan.planning.hand import HandModel
@@ -234,11 +232,6 @@ class StateChecks:
         fingers = tuple(h.finger for h in holding)
         pose = self._table.leg.pose(done)
         return Surroundings(self._hand, self._postures(holding), pose, moving.finger, fingers)
-
-
-def without_numbers(refusal: str) -> str:
-    """Return a refusal without what differs from state to state, so that like refusals can be counted."""
-    return re.sub(r" within -?[0-9.]+ mm", " too near", refusal)
 
 
 def _key(held: tuple[Held, ...]) -> Key:

@@ -11,8 +11,9 @@ from dexplan.planning.aligned import build_aligned
 from dexplan.planning.detour import Surroundings
 from dexplan.planning.hand import HandModel
 from dexplan.planning.loads import compute_object_wrench, compute_pair_loads
+from dexplan.planning.order import keeps_order
 from dexplan.planning.plan import Placement
-from dexplan.planning.regions import compute_opposition, compute_pair_angle_max, keeps_order
+from dexplan.planning.separation import compute_opposition, compute_pair_angle_max
 from dexplan.planning.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.planning.travel import Way, build_travel, compute_hover, find_way
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose

@@ -14,8 +14,8 @@ from dexplan.brief import brief_repr
 from dexplan.planning.detour import Surroundings, bow_arc, find_detour, interpolate
 from dexplan.planning.hand import HandModel
 from dexplan.planning.spherical_wrist import solve_near
-from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
-from dexplan.scene.description import FingerDescription
+from dexplan.scene.chain import compute_joint_margin, compute_tip_pose, wrap_near
+from dexplan.scene.finger import FingerDescription
 from dexplan.spatial import Array, build_frame, read_only
 
 SAMPLES = 17
@@ -146,6 +146,6 @@ def compute_hover(
     return wrap_near(solved[0], q)
 
 
-def wrap_near(q: Array, q_near: Array) -> Array:
-    """Return ``q`` with whole turns added so that each angle is within half a turn of ``q_near``."""
-    return q - 2.0 * np.pi * np.round((q - q_near) / (2.0 * np.pi))
+def describe_detour(way: Way | None) -> str:
+    """Return what a detour is for, to be added to why a finger moves; "" for an arc."""
+    return f"; a detour keeps {way.around} apart" if way is not None and way.around else ""

@@ -175,3 +175,8 @@ def compute_dexterity(chain: Chain, q: Array) -> Array:
     J = np.array(compute_tip_jacobian(chain, q))
     J[..., :3, :] /= 0.06
     return np.asarray(np.linalg.svd(J, compute_uv=False)[..., -1], dtype=np.float64)
+
+
+def wrap_near(q: Array, q_near: Array) -> Array:
+    """Return ``q`` with whole turns added so that each angle is within half a turn of ``q_near``."""
+    return q - 2.0 * np.pi * np.round((q - q_near) / (2.0 * np.pi))

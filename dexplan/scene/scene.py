@@ -25,7 +25,8 @@ from dexplan.scene.chain import (
     wrap_to_limits,
 )
 from dexplan.scene.compose import build_model_xml
-from dexplan.scene.description import FingerDescription, ObjectDescription, SceneParameters
+from dexplan.scene.description import ObjectDescription, SceneParameters
+from dexplan.scene.finger import FingerDescription
 from dexplan.spatial import Array, as_pose, build_frame, invert_pose, make_pose, rotate_about
 
 HOME_GAP = 0.025

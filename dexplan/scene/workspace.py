@@ -29,7 +29,7 @@ from dexplan.scene.chain import (
     solve_ik,
     wrap_to_limits,
 )
-from dexplan.scene.description import FingerDescription
+from dexplan.scene.finger import FingerDescription
 from dexplan.spatial import Array, invert_pose, make_pose, read_only, rotate_about
 
 VERSION = 1

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
 from dexplan.brief import brief_repr
-from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import Start
@@ -27,7 +27,7 @@ from dexplan.problems.problem import GoalSection, Problem, compute_contact_direc
 from dexplan.problems.problem import Rotation as Turn
 from dexplan.sim.trace import Trace
 from dexplan.sim.validate import ValidationReport
-from dexplan.spatial import Array
+from dexplan.spatial import VERTICAL, Array
 from dexplan.viz.palette import ALARM, INK, get_finger_color
 
 POSITION_LIMIT_MM, ROTATION_LIMIT_DEG = 0.5, 1.0

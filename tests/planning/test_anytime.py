@@ -21,13 +21,13 @@ from dexplan.planning.cost import (
     compute_actions_cost,
     compute_cost,
 )
-from dexplan.planning.gaits import Step
 from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.lone_clearance import remember_clearances
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import plan_rotation
 from dexplan.planning.search import GaitSearch, Node
+from dexplan.planning.steps import Step
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.witness.attitudes import Question, draw_questions

@@ -14,9 +14,10 @@ import pytest
 from dexplan import pipeline
 from dexplan.control.reference import Timing, build_reference
 from dexplan.planning.detour import Surroundings, find_detour, interpolate
-from dexplan.planning.gaits import Step, build_actions
+from dexplan.planning.gaits import build_actions
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import SOLVED, Placement, Plan
+from dexplan.planning.steps import Step
 from dexplan.planning.still import build_landings
 from dexplan.planning.travel import build_travel, compute_hover, find_way
 from dexplan.problems.read import load_problem

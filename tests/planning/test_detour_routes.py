@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dexplan.planning.goal import RotationGoal, build_detours
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.legs import Leg
+from dexplan.planning.routes import build_detours
 from dexplan.planning.sampling import sample_attitude
 from dexplan.spatial import Array, rotate_about
 

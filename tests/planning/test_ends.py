@@ -6,11 +6,11 @@ import numpy as np
 
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.ends import Ends, choose_beginnings
-from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.planner import plan_rotation
 from dexplan.planning.roll_to_goal import measure_angle
-from dexplan.spatial import direction_from_angles
+from dexplan.spatial import VERTICAL, direction_from_angles
 
 RING = tuple(direction_from_angles(azimuth, 0.0) for azimuth in (0.0, 120.0, 240.0))
 

@@ -15,12 +15,13 @@ from dexplan.planning import planner
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.cost import Improvement
 from dexplan.planning.escape import ALIKE, COUNT, ENOUGH, FURTHEST, Escape, count_room, find_escapes
-from dexplan.planning.goal import RotationGoal, build_routes, list_swings
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held, Landfall
 from dexplan.planning.legs import Leg
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import plan_rotation
+from dexplan.planning.routes import build_routes, list_swings
 from dexplan.spatial import Array
 from dexplan.witness.attitudes import Question, draw_questions
 

@@ -11,7 +11,7 @@ from dexplan.planning.adjustment import plan_grasp_adjustment
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.dextrous import Order, plan_dextrous_manipulation
 from dexplan.planning.ends import BUDGETS, Ends, choose_beginnings
-from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.passes import GAVE_UP, PASSES, Outcome, Stop
 from dexplan.planning.plan import Plan
@@ -20,7 +20,7 @@ from dexplan.planning.reorient import Turns
 from dexplan.planning.stages import Stages
 from dexplan.problems.problem import compute_contact_directions
 from dexplan.problems.read import load_problem
-from dexplan.spatial import Array
+from dexplan.spatial import VERTICAL, Array
 from dexplan.witness.adjustments import draw_questions
 
 USUAL = passes.USUAL_BUDGET

@@ -9,8 +9,9 @@ from dexplan.planning import candidates
 from dexplan.planning.aligned import build_aligned
 from dexplan.planning.candidates import POLAR_SPACING, Landings, find_landings
 from dexplan.planning.hand import HandModel
-from dexplan.planning.legs import CIRCLE, STEP, Leg
+from dexplan.planning.legs import CIRCLE, Leg
 from dexplan.planning.lone_clearance import LoneClearance
+from dexplan.planning.motion import STEP
 from dexplan.planning.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.scene.chain import compute_tip_pose
 from dexplan.spatial import Array, make_pose, rotate_about

@@ -9,12 +9,13 @@ from dexplan import pipeline
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.contacts import ContactTable
 from dexplan.planning.escape import count_room
-from dexplan.planning.goal import RotationGoal, build_routes
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.pair_roll import PairRolls
 from dexplan.planning.plan import Placement, Plan
 from dexplan.planning.roll_gait import RollToPair
 from dexplan.planning.rolling_start import plan_object_manipulation
+from dexplan.planning.routes import build_routes
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 

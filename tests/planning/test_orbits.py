@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from dexplan.planning.aligned import build_aligned
 from dexplan.planning.hand import HandModel
-from dexplan.planning.legs import STEP, Leg
+from dexplan.planning.legs import Leg
+from dexplan.planning.motion import STEP
 from dexplan.planning.orbits import Orbit, _measure_windows, build_fixed_orbit, build_orbits
 from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
 from dexplan.spatial import Array, direction_from_angles, make_pose, rotate_about

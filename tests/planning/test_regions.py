@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from dexplan.errors import DexplanError
 from dexplan.grasp.closure import check_antipodal
 from dexplan.planning.hand import HandModel
-from dexplan.planning.regions import Regions, compute_regions, keeps_order
+from dexplan.planning.order import keeps_order
+from dexplan.planning.regions import Regions, compute_regions
 from dexplan.scene.chain import compute_dexterity, compute_joint_margin
 from dexplan.scene.description import ContactCone
 from dexplan.scene.workspace import compute_aligned_pose, spread_directions

@@ -10,15 +10,14 @@ import pytest
 
 from dexplan.planning.adjustment_search import AdjustmentSearch
 from dexplan.planning.admissible import Admissibility
-from dexplan.planning.coordinated import ObjectMotion
-from dexplan.planning.goal import VERTICAL
 from dexplan.planning.goal_side import GoalSide
 from dexplan.planning.hand import HandModel
 from dexplan.planning.layers import Layers
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.plan import Placement
 from dexplan.planning.relocation_bound import RelocationBound
 from dexplan.planning.still import Stand, build_landings
-from dexplan.spatial import Array, direction_from_angles
+from dexplan.spatial import VERTICAL, Array, direction_from_angles
 
 GOAL = tuple(direction_from_angles(azimuth, 0.0) for azimuth in (-35.0, 120.0, 200.0))
 START = tuple(direction_from_angles(azimuth, 0.0) for azimuth in (-20.0, 100.0, 245.0))

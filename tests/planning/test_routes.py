@@ -13,10 +13,11 @@ from recheck import Recheck
 from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
-from dexplan.planning.goal import RotationGoal, build_routes
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import plan_rotation
+from dexplan.planning.routes import build_routes
 from dexplan.planning.sampling import sample_attitude, sample_start
 from dexplan.problems.problem import Problem
 from dexplan.problems.problem import Rotation as Turn

@@ -15,16 +15,17 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.planning.admissible import Admissibility
 from dexplan.planning.aligned import build_aligned
 from dexplan.planning.contacts import ContactTable
-from dexplan.planning.gaits import Step
-from dexplan.planning.goal import RotationGoal, build_routes
+from dexplan.planning.goal import RotationGoal
 from dexplan.planning.hand import HandModel
 from dexplan.planning.held import Held, Landfall
 from dexplan.planning.legs import Leg
 from dexplan.planning.plan import Plan
 from dexplan.planning.planner import plan_rotation
 from dexplan.planning.regions import Regions, compute_regions
+from dexplan.planning.routes import build_routes
 from dexplan.planning.sampling import sample_start
 from dexplan.planning.search import GaitSearch
+from dexplan.planning.steps import Step
 from dexplan.planning.theorems import check_theorem_1, check_theory_3
 from dexplan.scene.description import Nearness
 from dexplan.scene.workspace import spread_directions

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dexplan.planning.hand import HandModel
-from dexplan.planning.travel import build_travel, compute_hover, wrap_near
-from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
+from dexplan.planning.travel import build_travel, compute_hover
+from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_pose, wrap_near
 from dexplan.spatial import Array, build_frame, direction_from_angles, invert_pose, make_pose
 
 COUNT = 40

@@ -10,7 +10,8 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.errors import ProblemError
-from dexplan.planning.coordinated import ObjectMotion, follow_object
+from dexplan.planning.carry import follow_object
+from dexplan.planning.motion import ObjectMotion
 from dexplan.planning.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem

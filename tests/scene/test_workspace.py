@@ -11,7 +11,7 @@ import pytest
 
 from dexplan.scene import workspace as rooms
 from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
-from dexplan.scene.description import FingerDescription
+from dexplan.scene.finger import FingerDescription
 from dexplan.scene.library import load_scene
 from dexplan.scene.scene import Scene
 from dexplan.scene.workspace import (

@@ -10,8 +10,9 @@ import numpy as np
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, Timing, build_reference
-from dexplan.planning.gaits import Step, build_actions
+from dexplan.planning.gaits import build_actions
 from dexplan.planning.plan import SOLVED, Plan
+from dexplan.planning.steps import Step
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.scene.scene import Scene

@@ -11,11 +11,11 @@ import pytest
 from matplotlib.image import imread
 
 from dexplan import pipeline
-from dexplan.planning.goal import VERTICAL, RotationGoal
+from dexplan.planning.goal import RotationGoal
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace
-from dexplan.spatial import Array
+from dexplan.spatial import VERTICAL, Array
 from dexplan.witness.endurance import (
     Chain,
     Endurance,
