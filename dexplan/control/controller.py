@@ -221,9 +221,7 @@ class Controller:
         return X
 
     def _relax(self, observation: Observation, phase: Phase, t: float) -> None:
-        if self._ticks % REFRESH:
-            return
-        share = REFRESH * self._tick / self._options.relaxation
+        share = self._tick / self._options.relaxation
         X_OW = invert_pose(observation.X_WO)
         for i in phase.holding:
             X_OF = X_OW @ self._X_WF[i]

@@ -72,3 +72,23 @@ def test_shorter_ticks_twist_less() -> None:
     # In steps of 4, 2 and 1 ms the tick begins 1.5, 0.5 and 0 steps away from its mean.
     assert twist[500.0] < 0.5 * twist[250.0]
     assert twist[1000.0] < 0.3 * twist[250.0]
+
+
+def test_forces_follow_what_is_told_while_load_goes_from_finger_to_finger() -> None:
+    problem = load_problem(
+        "fig4_substitution",
+        {"goal.rotation.angle_deg": 120.0, "start.contacts_deg": [[36.0, 0.0], [180.0, 0.0], "free"]},
+    )
+    plan = pipeline.plan(problem)
+    first = next(k for k, action in enumerate(plan.actions) if action.kind == "place")
+    plan = dataclasses.replace(plan, actions=plan.actions[: first + 1])
+    off = {}
+    for relaxation in (0.05, 0.15):
+        options = dataclasses.replace(pipeline.build_options(problem), relaxation=relaxation)
+        trace = pipeline.rollout(problem, plan, options=options)
+        loading = (trace["action_index"] == first) & (trace["phase_index"] == trace["phase_index"].max())
+        assert loading.any()
+        late = np.flatnonzero(loading)[20:]
+        off[relaxation] = trace["contact_force"][late] - trace["contact_force_reference"][late]
+    assert np.nanmax(np.abs(off[0.05][..., 2])) < 0.1
+    assert np.nanmax(np.abs(off[0.05][..., 3])) < 0.7 * np.nanmax(np.abs(off[0.15][..., 3]))
