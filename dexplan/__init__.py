@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dexplan.pipeline import plan, render, rollout, validate
-    from dexplan.planning.plan import Plan
+    from dexplan.plan.plan import Plan
     from dexplan.problems.problem import Problem
     from dexplan.problems.read import load_problem
     from dexplan.scene.library import load_scene
+    from dexplan.sim.judge.validate import ValidationReport
     from dexplan.sim.trace import Trace
-    from dexplan.sim.validate import ValidationReport
 
     __version__: str
 
@@ -35,10 +35,10 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Plan": "dexplan.planning.plan",
+    "Plan": "dexplan.plan.plan",
     "Problem": "dexplan.problems.problem",
     "Trace": "dexplan.sim.trace",
-    "ValidationReport": "dexplan.sim.validate",
+    "ValidationReport": "dexplan.sim.judge.validate",
     "load_problem": "dexplan.problems.read",
     "load_scene": "dexplan.scene.library",
     "plan": "dexplan.pipeline",

@@ -21,8 +21,8 @@ from dexplan.terminal import describe_refusal
 
 if TYPE_CHECKING:
     from dexplan.problems.problem import Problem
+    from dexplan.sim.judge.validate import ValidationReport
     from dexplan.sim.trace import Trace
-    from dexplan.sim.validate import ValidationReport
 
 CONFIRMED, HONEST_NO = 0, 1
 """Exit codes of a command that did its work: the physics confirms the plan, or there is a reason why not."""
@@ -140,7 +140,7 @@ def validate(folder: Path) -> int:
 
 def _read_verdict(folder: Path) -> str:
     """Return the verdict line of the report in ``folder``, which the figure shows; nothing where there is no report."""
-    from dexplan.sim.validate import ValidationReport
+    from dexplan.sim.judge.validate import ValidationReport
 
     try:
         return ValidationReport.load(folder / "report.json").summary_line()

@@ -16,17 +16,18 @@ from dexplan.control.rate import choose_rate
 from dexplan.control.reference import Timing, build_reference
 from dexplan.control.speed import compute_speed
 from dexplan.errors import DexplanError, RunFolderError
-from dexplan.planning.adjustment import plan_grasp_adjustment
-from dexplan.planning.blocked import explain_obstruction
-from dexplan.planning.cost import CostWeights, Improvement
-from dexplan.planning.dextrous import plan_dextrous_manipulation
-from dexplan.planning.fixed_contacts import plan_fixed_contacts
-from dexplan.planning.goal import RotationGoal
-from dexplan.planning.hand import AdmissibleLimits, HandModel
-from dexplan.planning.plan import Plan
-from dexplan.planning.planner import refuse
-from dexplan.planning.rolling_start import plan_object_manipulation
-from dexplan.planning.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
+from dexplan.kinematics.workspace import load_workspace
+from dexplan.plan.goal import RotationGoal
+from dexplan.plan.plan import Plan
+from dexplan.planning.admissible.hand import AdmissibleLimits, HandModel
+from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
+from dexplan.planning.gait.cost import CostWeights, Improvement
+from dexplan.planning.tasks.blocked import explain_obstruction
+from dexplan.planning.tasks.dextrous_manipulation import plan_dextrous_manipulation
+from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
+from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
+from dexplan.planning.tasks.object_manipulation import refuse
+from dexplan.planning.tasks.rolling_start import plan_object_manipulation
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.run_folder import save_problem, write_whole
@@ -35,11 +36,10 @@ from dexplan.scene.library import load_scene_with
 from dexplan.scene.penetration import compute_force_at
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene
-from dexplan.scene.workspace import load_workspace
-from dexplan.sim import rollout as _rollout
+from dexplan.sim.judge.validate import ValidationReport, validate_run
+from dexplan.sim.judge.world import read_world
+from dexplan.sim.record import rollout as _rollout
 from dexplan.sim.trace import Trace, check_replayable
-from dexplan.sim.validate import ValidationReport, validate_run
-from dexplan.sim.world import read_world
 from dexplan.spatial import Array, as_pose
 from dexplan.viz.timeline import build_captions
 

@@ -1,4 +1,7 @@
-"""What tests of the command line share: an empty folder to stand in, and a pipeline that does nothing."""
+"""What tests share: the standard hand, its regions and plans, an empty folder to stand in, a pipeline that does nothing.
+
+A workspace takes seconds and a plan two, so both are made once per session.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,36 @@ import pytest
 from fake_run import make_pipeline
 
 import dexplan
+from dexplan import pipeline as verbs
+from dexplan.plan.plan import Plan
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.regions.regions import Regions, compute_regions
+from dexplan.problems.problem import Problem
+from dexplan.problems.read import load_problem
+
+
+@pytest.fixture(scope="session")
+def problem() -> Problem:
+    """The built-in full turn by finger substitution."""
+    return load_problem("fig4_substitution")
+
+
+@pytest.fixture(scope="session")
+def hand(problem: Problem) -> HandModel:
+    """The hand of that problem."""
+    return verbs.build_hand(problem, verbs.build_scene(problem))
+
+
+@pytest.fixture(scope="session")
+def full_turn(problem: Problem) -> Plan:
+    """The plan of that problem."""
+    return verbs.plan(problem)
+
+
+@pytest.fixture(scope="session")
+def regions(hand: HandModel) -> Regions:
+    """The hand's regions around the object at home."""
+    return compute_regions(hand, hand.object.X_WO_home[:3, 3])
 
 
 @pytest.fixture

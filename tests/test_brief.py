@@ -16,15 +16,12 @@ from dexplan.problems.read import list_problems, load_problem
 from dexplan.scene.library import load_scene
 from dexplan.sim.trace import Trace
 
-ROOMS = ("contact", "grasp", "scene", "control", "sim")
+ROOMS = ("contact", "grasp", "kinematics", "plan", "scene", "control", "sim")
 """Rooms whose values with arrays all have to be brief; of ``planning`` the ones that leave it are listed below."""
 PUBLIC = {
-    "planning.plan": ("Plan", "Action", "Placement", "GoalContact"),
-    "planning.hand": ("HandModel",),
-    "planning.orbits": ("Orbit",),
-    "planning.regions": ("Regions",),
-    "planning.roll": ("Roll",),
-    "planning.goal": ("RotationGoal",),
+    "planning.admissible.hand": ("HandModel",),
+    "planning.gait.orbits": ("Orbit",),
+    "planning.regions.regions": ("Regions",),
     "problems.problem": ("Problem", "HandSection", "GoalSection", "StartSection"),
 }
 
@@ -34,7 +31,7 @@ def _find_values() -> list[type]:
     found = []
     for room in ROOMS:
         package = importlib.import_module(f"dexplan.{room}")
-        for info in pkgutil.iter_modules(package.__path__, f"dexplan.{room}."):
+        for info in pkgutil.walk_packages(package.__path__, f"dexplan.{room}."):
             module = importlib.import_module(info.name)
             for _, cls in inspect.getmembers(module, dataclasses.is_dataclass):
                 types = " ".join(str(f.type) for f in dataclasses.fields(cls))

@@ -15,8 +15,8 @@ import pytest
 from dexplan import pipeline, run_folder
 from dexplan.cli import main
 from dexplan.problems.read import load_problem
+from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport
 
 FILES = ("problem.toml", "plan.json", "model.xml", "trace.npz")
 Edit = Callable[[Path], None]

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dexplan.planning.plan import Placement
-from dexplan.planning.roll import Roll
-from dexplan.scene.chain import compute_tip_jacobian, solve_ik, wrap_near
-from dexplan.scene.finger import FingerDescription
+from dexplan.kinematics.chain import compute_tip_jacobian, solve_ik, wrap_near
+from dexplan.kinematics.finger import FingerDescription
+from dexplan.plan.plan import Placement
+from dexplan.plan.roll import Roll
 from dexplan.spatial import Array, hat
 
 

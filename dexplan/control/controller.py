@@ -17,13 +17,13 @@ from scipy.interpolate import CubicSpline
 
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
-from dexplan.contact.sphere import require_sphere
+from dexplan.contact.surfaces.sphere import require_sphere
 from dexplan.control.observation import Observation
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Phase, Reference, smooth_step
 from dexplan.control.rolling import RollOffset
 from dexplan.control.tasks import FingertipTask, JointLimit
-from dexplan.grasp.force import EXCHANGES, GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
+from dexplan.grasp.force.solver import EXCHANGES, GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix, rotation_vector

@@ -33,9 +33,9 @@ class ControlOptions:
     relaxation: float = 0.05
     """Time constant [s] in which a fingertip's carried pose follows the measured one, tick by tick: unwanted squeeze goes.
 
-    While load goes from finger to finger tips give way, and forces lag by what they give way in this time: at 0.15 s, five ticks at
-    a time, a landing finger bore 0.1 N less than it was told and was twisted by 0.7 mN m (7 g, tips of 7 mm); at 0.05 s, every
-    tick, 0.04 N and 0.3 mN m."""
+    While load goes from finger to finger tips give way, and forces lag by what they give way in this time: at 0.15 s, five
+    ticks at a time, a landing finger bore 0.1 N less than it was told and was twisted by 0.7 mN m (7 g, tips of 7 mm); at
+    0.05 s, every tick, 0.04 N and 0.3 mN m."""
     joint_speed: float = 8.0
     """Fastest joint motion that mink may ask for [rad/s]."""
     force_solver: Literal["daqp", "osqp"] = "daqp"

@@ -14,14 +14,13 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.control.carry import follow_contacts
-from dexplan.planning.detour import interpolate
-from dexplan.planning.motion import ObjectMotion
-from dexplan.planning.overlap import TRAVEL, build_journey
-from dexplan.planning.plan import Action, Placement, Plan
-from dexplan.planning.roll import Roll
-from dexplan.planning.speed import PACES
-from dexplan.planning.travel import build_travel, compute_hover
-from dexplan.scene.finger import FingerDescription
+from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
+from dexplan.kinematics.finger import FingerDescription
+from dexplan.plan.motion import ObjectMotion
+from dexplan.plan.plan import Action, Placement, Plan
+from dexplan.plan.roll import Roll
+from dexplan.plan.speed import PACES
+from dexplan.planning.actions.overlap import TRAVEL, build_journey
 from dexplan.spatial import Array, read_only, rotate_about, rotation_matrix
 
 BEND_LOOKS = 257

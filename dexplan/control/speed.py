@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dexplan.control.reference import Reference
-from dexplan.planning.speed import PACES, PlannedSpeed, SpeedLimit
+from dexplan.plan.speed import PACES, PlannedSpeed, SpeedLimit
 
 
 def compute_speed(reference: Reference) -> PlannedSpeed | None:

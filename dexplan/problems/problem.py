@@ -229,7 +229,7 @@ class ControlSection:
 class Problem:
     """One manipulation problem: scene, overrides of it, start, goal, means, and the limits it is judged by.
 
-    ``acceptance`` maps names of ``dexplan/sim/limits.toml`` to numbers or booleans; reading a file fills in
+    ``acceptance`` maps names of ``dexplan/sim/judge/limits.toml`` to numbers or booleans; reading a file fills in
     every default.
     """
 

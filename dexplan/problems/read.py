@@ -25,7 +25,7 @@ from dexplan.problems.derived import as_name, fill_derived, forget_derived
 from dexplan.problems.override import apply_override, set_override
 from dexplan.problems.problem import FORMAT, Problem
 from dexplan.problems.rules import describe_accepted, load_limits, spell, suggest
-from dexplan.sim.limits import explain_refusal
+from dexplan.sim.judge.limits import explain_refusal
 
 __all__ = [
     "build_problem",

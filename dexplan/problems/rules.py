@@ -166,9 +166,9 @@ def spell(value: object) -> str:
 @cache
 def load_limits() -> dict[str, bool | float]:
     """Return every name that ``[acceptance]`` may set, with its default, from the packaged
-    ``sim/limits.toml``.
+    ``sim/judge/limits.toml``.
     """
-    resource = importlib.resources.files("dexplan").joinpath("sim").joinpath("limits.toml")
+    resource = importlib.resources.files("dexplan.sim.judge").joinpath("limits.toml")
     raw = tomllib.loads(resource.read_text(encoding="utf-8"))
     return {name: value if isinstance(value, bool) else float(value) for name, value in raw.items()}
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
-from dexplan.contact.surface import AbstractSurface
+from dexplan.contact.surfaces.surface import AbstractSurface
 from dexplan.spatial import Array, read_only
 
 OBJECT, STANDING = -1, -2

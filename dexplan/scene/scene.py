@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
-from dexplan.contact.shapes import Sphere
+from dexplan.contact.surfaces.shapes import Sphere
 from dexplan.errors import DexplanError
-from dexplan.scene.chain import (
+from dexplan.kinematics.chain import (
     Chain,
     compute_hinge_positions,
     compute_tip_pose,
     solve_ik,
     wrap_to_limits,
 )
+from dexplan.kinematics.finger import FingerDescription
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import ObjectDescription, SceneParameters
-from dexplan.scene.finger import FingerDescription
 from dexplan.spatial import Array, as_pose, build_frame, invert_pose, make_pose, rotate_about
 
 HOME_GAP = 0.025

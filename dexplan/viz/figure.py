@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from dexplan.planning.plan import Plan
+from dexplan.plan.plan import Plan
+from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport
 from dexplan.spatial import Array
 from dexplan.viz.canvas import write_picture
 from dexplan.viz.curves import Curves, compute_curves

@@ -21,8 +21,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from dexplan.planning.hand import HandModel
-from dexplan.planning.spherical import SphericalRegion
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.regions.spherical import SphericalRegion
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 from dexplan.viz.canvas import write_picture
 from dexplan.viz.palette import ALARM, INK, as_rgb, get_finger_color

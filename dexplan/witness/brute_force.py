@@ -15,12 +15,13 @@ from itertools import combinations
 
 import numpy as np
 
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.detour import Surroundings
-from dexplan.planning.hand import HandModel
-from dexplan.planning.travel import build_travel, compute_hover, find_way
-from dexplan.scene.chain import compute_dexterity, compute_joint_margin
-from dexplan.scene.workspace import spread_directions
+from dexplan.kinematics.arcs import build_travel, compute_hover
+from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin
+from dexplan.kinematics.workspace import spread_directions
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.ways.detour import Surroundings
+from dexplan.planning.ways.travel import find_way
 from dexplan.spatial import Array, build_frame, make_pose
 
 HOLDING = 1500

@@ -17,16 +17,16 @@ from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
 from dexplan.brief import brief_repr
-from dexplan.planning.goal import RotationGoal
-from dexplan.planning.hand import HandModel
-from dexplan.planning.plan import Plan
-from dexplan.planning.planner import Start
-from dexplan.planning.rolling_start import plan_object_manipulation
-from dexplan.planning.sampling import sample_attitude
+from dexplan.plan.goal import RotationGoal
+from dexplan.plan.plan import Plan
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.regions.sampling import sample_attitude
+from dexplan.planning.tasks.object_manipulation import Start
+from dexplan.planning.tasks.rolling_start import plan_object_manipulation
 from dexplan.problems.problem import GoalSection, Problem, compute_contact_directions
 from dexplan.problems.problem import Rotation as Turn
+from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport
 from dexplan.spatial import VERTICAL, Array
 from dexplan.viz.palette import ALARM, INK, get_finger_color
 

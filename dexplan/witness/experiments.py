@@ -18,7 +18,7 @@ from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
 from dexplan.grasp.closure import compute_load_margin
 from dexplan.grasp.grasp import Grasp, contact_on_sphere
 from dexplan.scene.library import load_scene
-from dexplan.sim.replay import replay
+from dexplan.sim.judge.replay import replay
 from dexplan.spatial import GRAVITY, Array, direction_from_angles
 from dexplan.witness.outcome import HARD_TORSION, Outcome, classify
 from dexplan.witness.stance import solve_stance

@@ -1,7 +1,7 @@
 """Does the judge's force audit agree with Clarabel, an interior-point method for cones, on the same questions?
 
 Clarabel is asked for the largest margin m with which forces keep everything: |(x_1, x_2, x_4)| + m <= x_3, x_3 + m <= 1, and the
-joint torques m inside their limits, all in shares of the greatest normal force (:mod:`dexplan.sim.force_audit`).  Forces exist if
+joint torques m inside their limits, all in shares of the greatest normal force (:mod:`..judge.force_audit`).  Forces exist if
 m >= 0.  That is a program of another form, solved by a method of another kind.
 
 **The band.**  The audit lets forces leave a cone by 1e-6 of the greatest normal force and says "none" only with a proof, so
@@ -20,10 +20,10 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from dexplan.errors import DexplanError
-from dexplan.sim.force_audit import ForceAudit
-from dexplan.sim.force_audit_questions import QuestionBuilder
-from dexplan.sim.force_audit_values import FEASIBLE, UNDECIDED, ForceQuestion
-from dexplan.sim.replay import replay
+from dexplan.sim.judge.force_audit import ForceAudit
+from dexplan.sim.judge.force_audit_questions import QuestionBuilder
+from dexplan.sim.judge.force_audit_values import FEASIBLE, UNDECIDED, ForceQuestion
+from dexplan.sim.judge.replay import replay
 from dexplan.sim.trace import Trace
 from dexplan.spatial import GRAVITY, Array, build_frame
 

@@ -17,10 +17,10 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
-from dexplan.scene.chain import compute_tip_pose, solve_ik
+from dexplan.kinematics.chain import compute_tip_pose, solve_ik
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.scene import build_scene
-from dexplan.sim.replay import replay
+from dexplan.sim.judge.replay import replay
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 from dexplan.witness.experiments import (
     MASS,

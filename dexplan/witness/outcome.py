@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexplan.sim.replay import Replay
+from dexplan.sim.judge.replay import Replay
 from dexplan.spatial import Array
 
 MOVED, TURNED, SLID = 1e-3, np.radians(1.0), 1e-4

@@ -15,19 +15,19 @@ from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
 from dexplan.brief import brief_repr
-from dexplan.contact.manoeuvre import RollingTriangle
+from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.errors import DexplanError
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.hand import HandModel
-from dexplan.planning.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
-from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import as_roll, build_roll, end_placement, follow_roll, judge_ways
-from dexplan.planning.tip_rotation import refuse_rotation
+from dexplan.plan.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
+from dexplan.plan.roll import Roll
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.admissible.tip_rotation import refuse_rotation
+from dexplan.planning.rolling.roll_gait import as_roll, build_roll, end_placement, follow_roll, judge_ways
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
-from dexplan.sim.replay import replay
+from dexplan.sim.judge.replay import replay
+from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport
 from dexplan.spatial import Array, build_frame
 
 HOLDING_DEG = ((-38.0, 0.0), (102.0, 0.0))

@@ -10,11 +10,11 @@ from typing import Any, Literal
 import numpy as np
 
 from dexplan import pipeline
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.plan import Plan
-from dexplan.planning.sampling import sample_start
+from dexplan.plan.plan import Plan
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.regions.sampling import sample_start
 from dexplan.problems.problem import GoalSection, Problem, Rotation, StartSection, compute_contact_directions
-from dexplan.sim.validate import ValidationReport
+from dexplan.sim.judge.validate import ValidationReport
 from dexplan.spatial import Array, rotate_about
 from dexplan.witness.adjustments import as_azimuth_elevation
 from dexplan.witness.brute_force import Journey, find_hold

@@ -22,7 +22,7 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import NORMAL
 from dexplan.grasp.grasp import map_contact
-from dexplan.scene.chain import (
+from dexplan.kinematics.chain import (
     Chain,
     compute_joint_margin,
     compute_tip_jacobian,

@@ -10,9 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dexplan.contact.coordinates import ContactCoordinates, build_coordinates, compute_relative_pose
-from dexplan.contact.integration import integrate_legs
-from dexplan.contact.manoeuvre import (
+from dexplan.contact.kinematics.coordinates import (
+    ContactCoordinates,
+    build_coordinates,
+    compute_relative_pose,
+)
+from dexplan.contact.kinematics.integration import integrate_legs
+from dexplan.contact.rolling.curves import roll_turning
+from dexplan.contact.rolling.manoeuvre import (
     RollingBend,
     RollingTriangle,
     build_longitude_equator,
@@ -20,9 +25,8 @@ from dexplan.contact.manoeuvre import (
     repeat_triangle,
     solve_apex,
 )
-from dexplan.contact.rolling import roll_turning
-from dexplan.contact.shapes import Sphere
-from dexplan.contact.turning import build_turn, make_tangent
+from dexplan.contact.rolling.turning import build_turn, make_tangent
+from dexplan.contact.surfaces.shapes import Sphere
 from dexplan.spatial import Array
 
 triangles = st.builds(

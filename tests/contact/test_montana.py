@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from dexplan.contact.closest_points import find_closest_points
-from dexplan.contact.coordinates import (
+from dexplan.contact.kinematics.closest_points import find_closest_points
+from dexplan.contact.kinematics.coordinates import (
     ContactCoordinates,
     build_psi_rotation,
     change_charts,
     compute_relative_pose,
     leave_borders,
 )
-from dexplan.contact.montana import (
+from dexplan.contact.kinematics.montana import (
     build_pivoting_twist,
     build_rolling_twist,
     build_sliding_twist,
@@ -28,8 +28,8 @@ from dexplan.contact.montana import (
     compute_tip_twist,
     compute_twist,
 )
-from dexplan.contact.shapes import Cylinder, Ellipsoid, Plane, Sphere
-from dexplan.contact.surface import AbstractSurface
+from dexplan.contact.surfaces.shapes import Cylinder, Ellipsoid, Plane, Sphere
+from dexplan.contact.surfaces.surface import AbstractSurface
 from dexplan.spatial import Array, hat, invert_pose
 
 SHAPES: list[AbstractSurface] = [

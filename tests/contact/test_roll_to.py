@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dexplan.contact.manoeuvre import RollingTriangle, compute_spin
-from dexplan.contact.roll_candidates import RollLimits
-from dexplan.contact.roll_to import RollPlan, roll_to
-from dexplan.contact.shapes import Sphere
-from dexplan.contact.turning import build_turn, make_tangent
+from dexplan.contact.rolling.candidates import RollLimits
+from dexplan.contact.rolling.manoeuvre import RollingTriangle, compute_spin
+from dexplan.contact.rolling.roll_to import RollPlan, roll_to
+from dexplan.contact.rolling.turning import build_turn, make_tangent
+from dexplan.contact.surfaces.shapes import Sphere
 from dexplan.spatial import Array
 
 TIP, BALL = Sphere(0.018), Sphere(0.035)

@@ -9,9 +9,13 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from dexplan.contact.coordinates import ContactCoordinates, build_coordinates, compute_relative_pose
-from dexplan.contact.integration import ORDER, integrate_legs, integrate_motion
-from dexplan.contact.rolling import (
+from dexplan.contact.kinematics.coordinates import (
+    ContactCoordinates,
+    build_coordinates,
+    compute_relative_pose,
+)
+from dexplan.contact.kinematics.integration import ORDER, integrate_legs, integrate_motion
+from dexplan.contact.rolling.curves import (
     RollingPath,
     join_paths,
     roll_along,
@@ -19,9 +23,9 @@ from dexplan.contact.rolling import (
     roll_turning,
     solve_two_finger_goals,
 )
-from dexplan.contact.shapes import Cylinder, Ellipsoid, Plane, Sphere
-from dexplan.contact.surface import AbstractSurface
-from dexplan.contact.turning import build_turn, make_tangent
+from dexplan.contact.rolling.turning import build_turn, make_tangent
+from dexplan.contact.surfaces.shapes import Cylinder, Ellipsoid, Plane, Sphere
+from dexplan.contact.surfaces.surface import AbstractSurface
 from dexplan.spatial import Array
 
 R_TIP, R_BALL = 0.012, 0.040

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dexplan.contact.shapes import Cylinder, Ellipsoid, Plane, Sphere
-from dexplan.contact.surface import AbstractSurface
+from dexplan.contact.surfaces.shapes import Cylinder, Ellipsoid, Plane, Sphere
+from dexplan.contact.surfaces.surface import AbstractSurface
 
 SPHERE = Sphere(0.035)
 SURFACES = [

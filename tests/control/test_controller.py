@@ -19,9 +19,9 @@ from dexplan.control.observation import Observation
 from dexplan.control.options import RATE, ControlOptions
 from dexplan.control.reference import Reference, build_reference
 from dexplan.control.tasks import FingertipTask
+from dexplan.kinematics.chain import solve_ik
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
-from dexplan.scene.chain import solve_ik
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY
 

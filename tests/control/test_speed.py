@@ -11,8 +11,8 @@ import pytest
 from dexplan import pipeline
 from dexplan.control.reference import build_reference
 from dexplan.control.speed import compute_speed
-from dexplan.planning.plan import Plan
-from dexplan.planning.speed import PACES
+from dexplan.plan.plan import Plan
+from dexplan.plan.speed import PACES
 from dexplan.problems.read import load_problem
 
 CASES = Path(__file__).parents[1] / "cases"

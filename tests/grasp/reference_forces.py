@@ -10,8 +10,8 @@ from scipy.optimize import linprog
 from scipy.sparse import csc_matrix, diags
 
 from dexplan.contact.friction import HardFinger, SoftFinger
-from dexplan.grasp.diagnosis import Loosening
-from dexplan.grasp.force import ForceLimits, ForceProblem, ForceSettings
+from dexplan.grasp.force.diagnosis import Loosening
+from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 
 RADIUS = 0.035

@@ -14,7 +14,7 @@ from scipy.sparse import csc_matrix
 from scipy.spatial.transform import Rotation
 
 from dexplan.contact.friction import HardFinger, SoftFinger
-from dexplan.grasp.agreement import PAIR_BAND, compare, sample_chords
+from dexplan.grasp.closed_forms.agreement import PAIR_BAND, compare, sample_chords
 from dexplan.grasp.closure import (
     check_antipodal,
     check_force_closure,

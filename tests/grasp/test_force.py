@@ -9,10 +9,10 @@ import pytest
 from scipy.sparse import csc_matrix, diags
 
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
-from dexplan.grasp.force import ForceLimits, ForceSolution, ForceSolver
+from dexplan.grasp.force.program import Program
+from dexplan.grasp.force.recovery import solve_exact
+from dexplan.grasp.force.solver import ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
-from dexplan.grasp.program import Program
-from dexplan.grasp.recovery import solve_exact
 from dexplan.spatial import GRAVITY, direction_from_angles
 
 R, MASS = 0.035, 0.06

@@ -10,10 +10,10 @@ import pytest
 from reference_forces import RADIUS, draw_problem
 
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
-from dexplan.grasp.active_set import DualActiveSet, is_optimal
-from dexplan.grasp.force import ForceLimits, ForceProblem, ForceSettings, ForceSolution, ForceSolver
+from dexplan.grasp.force.active_set import DualActiveSet, is_optimal
+from dexplan.grasp.force.program import ForceRows
+from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
-from dexplan.grasp.program import ForceRows
 from dexplan.spatial import Array, direction_from_angles
 
 SOFT, HARD = SoftFinger(0.55, 0.0025), HardFinger(0.5)

@@ -9,8 +9,8 @@ import pytest
 from reference_forces import RADIUS, draw_problem, measure_lack
 
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
-from dexplan.grasp.diagnosis import Loosening
-from dexplan.grasp.force import ForceLimits, ForceProblem, ForceSettings, ForceSolution, ForceSolver
+from dexplan.grasp.force.diagnosis import Loosening
+from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 from dexplan.spatial import GRAVITY, direction_from_angles
 

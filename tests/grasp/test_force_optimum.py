@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from reference_forces import RADIUS, Reference, draw_problem, solve_reference
 
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
-from dexplan.grasp.certificate import prove_optimality
-from dexplan.grasp.force import ForceLimits, ForceProblem, ForceSettings, ForceSolution, ForceSolver
+from dexplan.grasp.force.certificate import prove_optimality
+from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 from dexplan.spatial import GRAVITY, Array, direction_from_angles, read_only
 

@@ -7,7 +7,13 @@ import pytest
 from reference_forces import RADIUS
 
 from dexplan.contact.friction import SoftFinger
-from dexplan.grasp.force import ForceLimits, ForceProblem, ForceSolution, ForceSolver, compute_smoothness
+from dexplan.grasp.force.solver import (
+    ForceLimits,
+    ForceProblem,
+    ForceSolution,
+    ForceSolver,
+    compute_smoothness,
+)
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 from dexplan.spatial import GRAVITY, direction_from_angles
 

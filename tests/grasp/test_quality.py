@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from dexplan.contact.friction import HardFinger, SoftFinger
+from dexplan.grasp.closed_forms.pair import check_sphere_pair
 from dexplan.grasp.closure import check_force_closure, compute_load_margin
 from dexplan.grasp.grasp import Grasp, compute_grasp_map
 from dexplan.grasp.quality import (
@@ -25,7 +26,6 @@ from dexplan.grasp.quality import (
     compute_singular_value_min,
     compute_support,
 )
-from dexplan.grasp.sphere import check_sphere_pair
 from dexplan.spatial import GRAVITY, build_frame
 
 SEEDS = st.integers(0, 10_000)

@@ -10,10 +10,8 @@ from random_grasps import R, directions, on_sphere, ring
 from scipy.optimize import linprog
 
 from dexplan.contact.friction import HardFinger, SoftFinger
-from dexplan.grasp.agreement import PAIR_BAND, compare, sample_pairs
-from dexplan.grasp.closure import check_antipodal, check_force_closure, compute_load_margin
-from dexplan.grasp.grasp import Grasp, compute_grasp_map
-from dexplan.grasp.sphere import (
+from dexplan.grasp.closed_forms.agreement import PAIR_BAND, compare, sample_pairs
+from dexplan.grasp.closed_forms.pair import (
     IndependentCones,
     build_independent_cones,
     check_independent_sufficient,
@@ -22,7 +20,9 @@ from dexplan.grasp.sphere import (
     required_pair_preload,
     sphere_pair_angle_min,
 )
-from dexplan.grasp.triple import check_hard_triple, compute_triple_margin
+from dexplan.grasp.closed_forms.triple import check_hard_triple, compute_triple_margin
+from dexplan.grasp.closure import check_antipodal, check_force_closure, compute_load_margin
+from dexplan.grasp.grasp import Grasp, compute_grasp_map
 from dexplan.spatial import GRAVITY, build_frame
 
 TABLE = [

@@ -10,10 +10,10 @@ from random_grasps import R, anywhere, directions, random_grasp, ring
 from scipy.spatial.transform import Rotation
 
 from dexplan.contact.friction import HardFinger
-from dexplan.grasp.agreement import TRIPLE_BAND, compare, sample_triples
+from dexplan.grasp.closed_forms.agreement import TRIPLE_BAND, compare, sample_triples
+from dexplan.grasp.closed_forms.triple import check_hard_triple, compute_triple_margin
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import compute_grasp_map
-from dexplan.grasp.triple import check_hard_triple, compute_triple_margin
 
 SEEDS = st.integers(0, 10_000)
 properties = settings(max_examples=50, deadline=None, derandomize=True)

@@ -14,8 +14,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from dexplan.planning.admissible import Admissibility, FingerState, compute_finger_states
-from dexplan.planning.hand import HandModel
+from dexplan.planning.admissible.admissibility import Admissibility, FingerState, compute_finger_states
+from dexplan.planning.admissible.hand import HandModel
 from dexplan.spatial import Array, build_frame, direction_from_angles, make_pose
 
 GRID_DEG = 4

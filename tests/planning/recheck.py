@@ -13,12 +13,11 @@ import numpy as np
 from dexplan.contact.friction import SoftFinger
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.detour import interpolate
-from dexplan.planning.hand import HandModel
-from dexplan.planning.plan import Action, Placement, Plan
-from dexplan.planning.travel import build_travel
-from dexplan.scene.chain import compute_joint_margin, compute_tip_pose, solve_ik
+from dexplan.kinematics.arcs import build_travel, interpolate
+from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose, solve_ik
+from dexplan.plan.plan import Action, Placement, Plan
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
 from dexplan.spatial import Array, build_frame, rotate_about
 
 SAMPLE = np.radians(2.0)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from dexplan.contact.friction import SoftFinger
-from dexplan.grasp.sphere import required_pair_preload
-from dexplan.planning.admissible import Admissibility, Margins, worst
-from dexplan.planning.hand import HandModel
+from dexplan.grasp.closed_forms.pair import required_pair_preload
+from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
+from dexplan.planning.admissible.hand import HandModel
 from dexplan.spatial import Array, build_frame, direction_from_angles, make_pose
 
 MIDDLE_DEG = 60.0

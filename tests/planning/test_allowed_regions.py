@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.grasp.sphere import check_sphere_pair
-from dexplan.planning.plan import Plan
+from dexplan.grasp.closed_forms.pair import check_sphere_pair
+from dexplan.plan.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 

@@ -13,7 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dexplan import pipeline
-from dexplan.planning.cost import (
+from dexplan.plan.goal import RotationGoal
+from dexplan.plan.plan import Plan
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.admissible.lone_clearance import remember_clearances
+from dexplan.planning.gait.cost import (
     ROOM,
     SHIFT,
     CostWeights,
@@ -21,13 +25,9 @@ from dexplan.planning.cost import (
     compute_actions_cost,
     compute_cost,
 )
-from dexplan.planning.goal import RotationGoal
-from dexplan.planning.hand import HandModel
-from dexplan.planning.lone_clearance import remember_clearances
-from dexplan.planning.plan import Plan
-from dexplan.planning.planner import plan_rotation
-from dexplan.planning.search import GaitSearch, Node
-from dexplan.planning.steps import Step
+from dexplan.planning.gait.search import GaitSearch, Node
+from dexplan.planning.gait.steps import Step
+from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.witness.attitudes import Question, draw_questions

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.configuration_space import TOUCH, classify, compute_tip_gaps
-from dexplan.planning.hand import HandModel
-from dexplan.planning.still import build_landings
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.regrasp.still import build_landings
+from dexplan.planning.ways.configuration_space import TOUCH, classify, compute_tip_gaps
 from dexplan.problems.problem import Obstacle
 from dexplan.problems.read import load_problem
 from dexplan.scene.scene import Scene

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dexplan.planning.goal import RotationGoal
-from dexplan.planning.legs import Leg
-from dexplan.planning.routes import build_detours
-from dexplan.planning.sampling import sample_attitude
+from dexplan.plan.goal import RotationGoal
+from dexplan.planning.gait.legs import Leg
+from dexplan.planning.gait.routes import build_detours
+from dexplan.planning.regions.sampling import sample_attitude
 from dexplan.spatial import Array, rotate_about
 
 

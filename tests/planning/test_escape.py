@@ -11,17 +11,17 @@ import pytest
 from recheck import Recheck
 from scipy.spatial.transform import Rotation
 
-from dexplan.planning import planner
-from dexplan.planning.contacts import ContactTable
-from dexplan.planning.cost import Improvement
-from dexplan.planning.escape import ALIKE, COUNT, ENOUGH, FURTHEST, Escape, count_room, find_escapes
-from dexplan.planning.goal import RotationGoal
-from dexplan.planning.hand import HandModel
-from dexplan.planning.held import Held, Landfall
-from dexplan.planning.legs import Leg
-from dexplan.planning.plan import Plan
-from dexplan.planning.planner import plan_rotation
-from dexplan.planning.routes import build_routes, list_swings
+from dexplan.plan.goal import RotationGoal
+from dexplan.plan.plan import Plan
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.gait.cost import Improvement
+from dexplan.planning.gait.escape import ALIKE, COUNT, ENOUGH, FURTHEST, Escape, count_room, find_escapes
+from dexplan.planning.gait.held import Held, Landfall
+from dexplan.planning.gait.legs import Leg
+from dexplan.planning.gait.routes import build_routes, list_swings
+from dexplan.planning.tasks import object_manipulation as planner
+from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.spatial import Array
 from dexplan.witness.attitudes import Question, draw_questions
 

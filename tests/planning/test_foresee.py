@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.contacts import ContactTable
-from dexplan.planning.hand import HandModel
-from dexplan.planning.legs import Leg
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.gait.legs import Leg
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array
 

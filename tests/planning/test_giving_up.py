@@ -6,18 +6,20 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning import adjustment, dextrous, passes
-from dexplan.planning.adjustment import plan_grasp_adjustment
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.dextrous import Order, plan_dextrous_manipulation
-from dexplan.planning.ends import BUDGETS, Ends, choose_beginnings
-from dexplan.planning.goal import RotationGoal
-from dexplan.planning.hand import HandModel
-from dexplan.planning.passes import GAVE_UP, PASSES, Outcome, Stop
-from dexplan.planning.plan import Plan
-from dexplan.planning.planner import plan_rotation
-from dexplan.planning.reorient import Turns
-from dexplan.planning.stages import Stages
+from dexplan.plan.goal import RotationGoal
+from dexplan.plan.plan import Plan
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.tasks import dextrous_manipulation as dextrous
+from dexplan.planning.tasks import grasp_adjustment as adjustment
+from dexplan.planning.tasks import passes
+from dexplan.planning.tasks.dextrous_manipulation import Order, plan_dextrous_manipulation
+from dexplan.planning.tasks.ends import BUDGETS, Ends, choose_beginnings
+from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
+from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Outcome, Stop
+from dexplan.planning.tasks.reorient import Turns
+from dexplan.planning.tasks.stages import Stages
 from dexplan.problems.problem import compute_contact_directions
 from dexplan.problems.read import load_problem
 from dexplan.spatial import VERTICAL, Array

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.stages import suggest_cure
+from dexplan.planning.tasks.stages import suggest_cure
 from dexplan.problems.read import load_problem
 
 PAIR = [[-38.0, 0.0], [102.0, 0.0], "free"]

@@ -6,11 +6,11 @@ from itertools import combinations
 
 import pytest
 
-from dexplan.planning.adjustment_nodes import change_stand
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.goal_side import GoalSide
-from dexplan.planning.hand import HandModel
-from dexplan.planning.still import build_landings
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.regrasp.goal_side import GoalSide
+from dexplan.planning.regrasp.nodes import change_stand
+from dexplan.planning.regrasp.still import build_landings
 from dexplan.spatial import Array, direction_from_angles
 
 PAIR: tuple[Array | None, ...] = (

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dexplan.grasp.force import ForceLimits, ForceSolver
+from dexplan.grasp.force.solver import ForceLimits, ForceSolver
 from dexplan.grasp.grasp import map_contact
-from dexplan.planning.hand import HandModel
-from dexplan.planning.loads import (
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.admissible.loads import (
     compute_contact_torques,
     compute_object_wrench,
     compute_pair_loads,

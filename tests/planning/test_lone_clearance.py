@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.aligned import build_aligned
-from dexplan.planning.hand import HandModel
-from dexplan.planning.icosphere import build_icosphere
-from dexplan.planning.lone_clearance import LEVEL, LoneClearance, remember_clearances
-from dexplan.planning.spherical_wrist import solve_tip_pose
+from dexplan.icosphere import build_icosphere
+from dexplan.kinematics.spherical_wrist import solve_tip_pose
+from dexplan.kinematics.workspace import spread_directions
+from dexplan.planning.admissible.aligned import build_aligned
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.admissible.lone_clearance import LEVEL, LoneClearance, remember_clearances
 from dexplan.problems.read import load_problem
-from dexplan.scene.workspace import spread_directions
 from dexplan.spatial import Array, make_pose
 
 SHELF = {"kind": "box", "pos_m": [0.075, -0.03, 0.136], "size_m": [0.002, 0.06, 0.002]}

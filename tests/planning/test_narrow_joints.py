@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.orbits import measure_roll_room
-from dexplan.planning.plan import Plan
+from dexplan.plan.plan import Plan
+from dexplan.planning.gait.orbits import measure_roll_room
 from dexplan.problems.read import load_problem
 
 CASES = Path(__file__).parents[1] / "cases"

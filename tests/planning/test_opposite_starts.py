@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.contacts import ContactTable
-from dexplan.planning.escape import count_room
-from dexplan.planning.goal import RotationGoal
-from dexplan.planning.hand import HandModel
-from dexplan.planning.pair_roll import PairRolls
-from dexplan.planning.plan import Placement, Plan
-from dexplan.planning.roll_gait import RollToPair
-from dexplan.planning.rolling_start import plan_object_manipulation
-from dexplan.planning.routes import build_routes
+from dexplan.plan.goal import RotationGoal
+from dexplan.plan.plan import Placement, Plan
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.gait.escape import count_room
+from dexplan.planning.gait.routes import build_routes
+from dexplan.planning.rolling.roll_gait import RollToPair
+from dexplan.planning.tasks.pair_roll import PairRolls
+from dexplan.planning.tasks.rolling_start import plan_object_manipulation
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.contacts import ContactTable
-from dexplan.planning.cost import CostWeights
-from dexplan.planning.hand import HandModel
-from dexplan.planning.held import Held
-from dexplan.planning.legs import Leg
-from dexplan.planning.nodes import Node, trace_back
-from dexplan.planning.ranking import Ranking
-from dexplan.planning.search import GaitSearch
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.gait.cost import CostWeights
+from dexplan.planning.gait.held import Held
+from dexplan.planning.gait.legs import Leg
+from dexplan.planning.gait.nodes import Node, trace_back
+from dexplan.planning.gait.ranking import Ranking
+from dexplan.planning.gait.search import GaitSearch
 from dexplan.spatial import direction_from_angles
 
 UP, SIDE = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])

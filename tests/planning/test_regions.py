@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from dexplan.errors import DexplanError
 from dexplan.grasp.closure import check_antipodal
-from dexplan.planning.hand import HandModel
-from dexplan.planning.order import keeps_order
-from dexplan.planning.regions import Regions, compute_regions
-from dexplan.scene.chain import compute_dexterity, compute_joint_margin
+from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin
+from dexplan.kinematics.workspace import compute_aligned_pose, spread_directions
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.admissible.order import keeps_order
+from dexplan.planning.regions.regions import Regions, compute_regions
 from dexplan.scene.description import ContactCone
-from dexplan.scene.workspace import compute_aligned_pose, spread_directions
 from dexplan.spatial import Array, direction_from_angles, make_pose, rotate_about
 
 TILT = rotate_about(np.array([0.6, 0.0, 0.8]), 1.1)

@@ -8,15 +8,15 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from dexplan.planning.adjustment_search import AdjustmentSearch
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.goal_side import GoalSide
-from dexplan.planning.hand import HandModel
-from dexplan.planning.layers import Layers
-from dexplan.planning.motion import ObjectMotion
-from dexplan.planning.plan import Placement
-from dexplan.planning.relocation_bound import RelocationBound
-from dexplan.planning.still import Stand, build_landings
+from dexplan.plan.motion import ObjectMotion
+from dexplan.plan.plan import Placement
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.regrasp.goal_side import GoalSide
+from dexplan.planning.regrasp.layers import Layers
+from dexplan.planning.regrasp.relocation_bound import RelocationBound
+from dexplan.planning.regrasp.search import AdjustmentSearch
+from dexplan.planning.regrasp.still import Stand, build_landings
 from dexplan.spatial import VERTICAL, Array, direction_from_angles
 
 GOAL = tuple(direction_from_angles(azimuth, 0.0) for azimuth in (-35.0, 120.0, 200.0))

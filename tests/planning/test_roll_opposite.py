@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dexplan.planning.admissible import Admissibility, FingerState, Margins
-from dexplan.planning.hand import HandModel
-from dexplan.planning.plan import Placement
-from dexplan.planning.roll_gait import FOLLOW, RollToPair
-from dexplan.planning.still import build_landings
+from dexplan.plan.plan import Placement
+from dexplan.planning.admissible.admissibility import Admissibility, FingerState, Margins
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.regrasp.still import build_landings
+from dexplan.planning.rolling.roll_gait import FOLLOW, RollToPair
 from dexplan.spatial import direction_from_angles
 
 WIDER = float(np.radians(20.0))

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dexplan import pipeline
-from dexplan.planning.separation import compute_opposition, describe_separation
+from dexplan.planning.admissible.separation import compute_opposition, describe_separation
 from dexplan.problems.problem import StartSection
 from dexplan.problems.read import load_problem
 

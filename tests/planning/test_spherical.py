@@ -7,11 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dexplan.grasp.sphere import build_independent_cones as build_cones_in_closed_form
-from dexplan.grasp.sphere import check_sphere_pair
-from dexplan.planning.icosphere import build_icosphere
-from dexplan.planning.spherical import SphericalRegion, build_cap, build_closure, build_independent_cones
-from dexplan.scene.workspace import spread_directions
+from dexplan.grasp.closed_forms.pair import build_independent_cones as build_cones_in_closed_form
+from dexplan.grasp.closed_forms.pair import check_sphere_pair
+from dexplan.icosphere import build_icosphere
+from dexplan.kinematics.workspace import spread_directions
+from dexplan.planning.regions.spherical import (
+    SphericalRegion,
+    build_cap,
+    build_closure,
+    build_independent_cones,
+)
 from dexplan.spatial import Array, build_frame, rotate_about
 
 SOME = spread_directions(4000)

@@ -12,23 +12,23 @@ import numpy as np
 import pytest
 
 from dexplan.contact.friction import SoftFinger
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.aligned import build_aligned
-from dexplan.planning.contacts import ContactTable
-from dexplan.planning.goal import RotationGoal
-from dexplan.planning.hand import HandModel
-from dexplan.planning.held import Held, Landfall
-from dexplan.planning.legs import Leg
-from dexplan.planning.plan import Plan
-from dexplan.planning.planner import plan_rotation
-from dexplan.planning.regions import Regions, compute_regions
-from dexplan.planning.routes import build_routes
-from dexplan.planning.sampling import sample_start
-from dexplan.planning.search import GaitSearch
-from dexplan.planning.steps import Step
-from dexplan.planning.theorems import check_theorem_1, check_theory_3
+from dexplan.kinematics.workspace import spread_directions
+from dexplan.plan.goal import RotationGoal
+from dexplan.plan.plan import Plan
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.aligned import build_aligned
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.gait.held import Held, Landfall
+from dexplan.planning.gait.legs import Leg
+from dexplan.planning.gait.routes import build_routes
+from dexplan.planning.gait.search import GaitSearch
+from dexplan.planning.gait.steps import Step
+from dexplan.planning.regions.regions import Regions, compute_regions
+from dexplan.planning.regions.sampling import sample_start
+from dexplan.planning.regions.theorems import check_theorem_1, check_theory_3
+from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.scene.description import Nearness
-from dexplan.scene.workspace import spread_directions
 from dexplan.spatial import Array
 
 UP = np.array([0.0, 0.0, 1.0])

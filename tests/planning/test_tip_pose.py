@@ -10,10 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from dexplan.planning import spherical_wrist
-from dexplan.planning.aligned import build_aligned
-from dexplan.planning.hand import HandModel
-from dexplan.planning.spherical_wrist import (
+from dexplan.kinematics import spherical_wrist
+from dexplan.kinematics.chain import (
+    Chain,
+    compute_dexterity,
+    compute_joint_margin,
+    compute_tip_pose,
+    solve_ik,
+)
+from dexplan.kinematics.spherical_wrist import (
     Branch,
     SphericalWrist,
     estimate_dexterity,
@@ -22,8 +27,9 @@ from dexplan.planning.spherical_wrist import (
     solve_near,
     solve_tip_pose,
 )
-from dexplan.scene.chain import Chain, compute_dexterity, compute_joint_margin, compute_tip_pose, solve_ik
-from dexplan.scene.workspace import spread_directions
+from dexplan.kinematics.workspace import spread_directions
+from dexplan.planning.admissible.aligned import build_aligned
+from dexplan.planning.admissible.hand import HandModel
 from dexplan.spatial import Array, rotate_about
 
 

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dexplan.contact.manoeuvre import RollingTriangle
-from dexplan.contact.roll_candidates import RollLimits
-from dexplan.contact.roll_to import roll_to
-from dexplan.contact.rolling import RollingPath, roll_turning
-from dexplan.contact.shapes import Sphere
-from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import as_roll, follow_roll
-from dexplan.planning.rolling_carry import build_carry_roll
-from dexplan.planning.tip_rotation import measure_rotation, trace_on_tip
+from dexplan.contact.rolling.candidates import RollLimits
+from dexplan.contact.rolling.curves import RollingPath, roll_turning
+from dexplan.contact.rolling.manoeuvre import RollingTriangle
+from dexplan.contact.rolling.roll_to import roll_to
+from dexplan.contact.surfaces.shapes import Sphere
+from dexplan.plan.roll import Roll
+from dexplan.planning.admissible.tip_rotation import measure_rotation, trace_on_tip
+from dexplan.planning.rolling.roll_gait import as_roll, follow_roll
+from dexplan.planning.rolling.rolling_carry import build_carry_roll
 from dexplan.spatial import Array, make_pose, rotate_about
 from dexplan.witness.rolling import Stand, build_roll_problem, compute_heading
 

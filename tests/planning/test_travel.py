@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dexplan.planning.hand import HandModel
-from dexplan.planning.travel import build_travel, compute_hover
-from dexplan.scene.chain import compute_dexterity, compute_joint_margin, compute_tip_pose, wrap_near
+from dexplan.kinematics.arcs import build_travel, compute_hover
+from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, compute_tip_pose, wrap_near
+from dexplan.planning.admissible.hand import HandModel
 from dexplan.spatial import Array, build_frame, direction_from_angles, invert_pose, make_pose
 
 COUNT = 40

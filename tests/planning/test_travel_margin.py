@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from dexplan.planning.detour import Surroundings
-from dexplan.planning.hand import HandModel
-from dexplan.planning.still import build_landings, spin_tip
-from dexplan.planning.travel import build_travel, compute_hover, compute_travel_margin, find_way
-from dexplan.scene.chain import compute_joint_margin
-from dexplan.scene.workspace import spread_directions
-from dexplan.sim.validate import load_default_limits
+from dexplan.kinematics.arcs import build_travel, compute_hover
+from dexplan.kinematics.chain import compute_joint_margin
+from dexplan.kinematics.workspace import spread_directions
+from dexplan.planning.admissible.carry import spin_tip
+from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
+from dexplan.planning.regrasp.still import build_landings
+from dexplan.planning.ways.detour import Surroundings
+from dexplan.planning.ways.travel import find_way
+from dexplan.sim.judge.validate import load_default_limits
 
 JUDGED = float(np.radians(load_default_limits()["joint_limit_margin_min_deg"]))
 EXECUTION = float(np.radians(0.5))

@@ -17,7 +17,7 @@ from dexplan.problems.override import parse_assignment
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.read import build_problem, list_problems, load_problem, set_override
 from dexplan.problems.rules import load_limits
-from dexplan.sim.limits import INTEGRITY
+from dexplan.sim.judge.limits import INTEGRITY
 
 GOAL = "[goal]\nrotation = { axis = [0.0, 0.0, 1.0], angle_deg = 90.0 }\n"
 HEAD = 'format = 1\nname = "p"\n'

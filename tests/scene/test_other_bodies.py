@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.contact.ellipsoid import Ellipsoid
-from dexplan.contact.flat import Cylinder
+from dexplan.contact.surfaces.ellipsoid import Ellipsoid
+from dexplan.contact.surfaces.flat import Cylinder
 from dexplan.control.controller import Controller
 from dexplan.control.reference import Reference
 from dexplan.errors import DexplanError

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dexplan.errors import UnknownNameError
-from dexplan.scene.chain import compute_joint_margin
+from dexplan.kinematics.chain import compute_joint_margin
 from dexplan.scene.compose import HOME_POSITION
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.library import SCENES, load_scene

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dexplan.scene.chain import compute_tip_pose, solve_ik
+from dexplan.kinematics.chain import compute_tip_pose, solve_ik
 from dexplan.scene.library import load_scene
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from dexplan.scene.chain import compute_tip_jacobian, solve_ik
+from dexplan.kinematics.chain import compute_tip_jacobian, solve_ik
+from dexplan.kinematics.workspace import compute_aligned_pose
 from dexplan.scene.library import load_scene
 from dexplan.scene.scene import Scene, scene_from_xml
 from dexplan.scene.touch import Touches, compute_static_normal_force, read_touches
-from dexplan.scene.workspace import compute_aligned_pose
 from dexplan.spatial import GRAVITY, Array, direction_from_angles, make_pose, rotate_about
 
 DEPTHS = (30e-6, 60e-6, 90e-6)

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import SceneParameters
-from dexplan.sim.checks_case import Case
-from dexplan.sim.replay import replay
+from dexplan.sim.judge.checks_case import Case
+from dexplan.sim.judge.replay import replay
+from dexplan.sim.judge.validate import load_default_limits
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import load_default_limits
 
 # The profile "firm", spelled out: the whitelist must not follow the scene.
 OPTION = (

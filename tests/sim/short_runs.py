@@ -10,15 +10,15 @@ import numpy as np
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, Timing, build_reference
-from dexplan.planning.gaits import build_actions
-from dexplan.planning.plan import SOLVED, Plan
-from dexplan.planning.steps import Step
+from dexplan.plan.plan import SOLVED, Plan
+from dexplan.planning.actions.gaits import build_actions
+from dexplan.planning.gait.steps import Step
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.scene.scene import Scene
-from dexplan.sim.rollout import rollout
+from dexplan.sim.judge.validate import ValidationReport
+from dexplan.sim.record.rollout import rollout
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport
 
 PROFILES = ("firm", "portable")
 HOLDS: dict[str, tuple[str, list[object]]] = {

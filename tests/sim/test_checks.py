@@ -25,11 +25,11 @@ from held_ball import (
 )
 from scipy.spatial.transform import Rotation
 
-from dexplan.sim.checks import compute_twist
-from dexplan.sim.checks_case import Case, find_runs, widen
-from dexplan.sim.checks_closure import compute_closure_slack, compute_load_margin
-from dexplan.sim.replay import OtherContact
-from dexplan.sim.validate import CHECKS, NOT_APPLICABLE, load_default_limits, run_checks
+from dexplan.sim.judge.checks import compute_twist
+from dexplan.sim.judge.checks_case import Case, find_runs, widen
+from dexplan.sim.judge.checks_closure import compute_closure_slack, compute_load_margin
+from dexplan.sim.judge.replay import OtherContact
+from dexplan.sim.judge.validate import CHECKS, NOT_APPLICABLE, load_default_limits, run_checks
 from dexplan.spatial import as_pose7, make_pose, rotate_about
 
 NAMES = [name for name, _ in CHECKS]

@@ -28,11 +28,11 @@ from short_runs import (
 )
 
 from dexplan import pipeline
-from dexplan.planning.plan import Plan
+from dexplan.plan.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
+from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport
 
 FOLDER = Path(__file__).parent.parent / "baselines"
 PACKAGES = ("mujoco", "mink", "osqp", "daqp", "numpy", "scipy")

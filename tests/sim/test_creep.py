@@ -14,9 +14,9 @@ from short_runs import build_plan_reference, failed, plan_of, simulate, trace_of
 
 from dexplan import pipeline
 from dexplan.problems.read import load_problem
-from dexplan.sim.checks_case import Case
-from dexplan.sim.checks_contact import check_creep_rate_max, compute_slip_path
-from dexplan.sim.replay import replay
+from dexplan.sim.judge.checks_case import Case
+from dexplan.sim.judge.checks_contact import check_creep_rate_max, compute_slip_path
+from dexplan.sim.judge.replay import replay
 
 CASES = Path(__file__).parents[1] / "cases"
 ARM = RADIUS + TIP

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.plan import Plan
-from dexplan.planning.states import StateChecks
+from dexplan.plan.plan import Plan
+from dexplan.planning.gait.states import StateChecks
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.spatial import direction_from_angles

@@ -10,8 +10,8 @@ from held_ball import make_case
 
 from dexplan import pipeline
 from dexplan.problems.read import load_problem
-from dexplan.sim.checks import check_reference_position
-from dexplan.sim.validate import NOT_APPLICABLE
+from dexplan.sim.judge.checks import check_reference_position
+from dexplan.sim.judge.validate import NOT_APPLICABLE
 
 
 def test_simultaneous_motion_passes_every_check() -> None:

@@ -9,13 +9,13 @@ import pytest
 from held_ball import HOME, make_case, make_plan, record
 from scipy.spatial.transform import Rotation
 
-from dexplan.sim import checks_force_audit
-from dexplan.sim.checks_case import Case
-from dexplan.sim.checks_force_audit import check_force_qp_feasible, choose_samples, find_friction_need
-from dexplan.sim.force_audit import ForceAudit
-from dexplan.sim.force_audit_program import AuditProgram
-from dexplan.sim.force_audit_questions import QuestionBuilder, compute_acceleration
-from dexplan.sim.force_audit_values import FEASIBLE, INFEASIBLE, UNDECIDED, ForceAnswer, ForceQuestion
+from dexplan.sim.judge import checks_force_audit
+from dexplan.sim.judge.checks_case import Case
+from dexplan.sim.judge.checks_force_audit import check_force_qp_feasible, choose_samples, find_friction_need
+from dexplan.sim.judge.force_audit import ForceAudit
+from dexplan.sim.judge.force_audit_program import AuditProgram
+from dexplan.sim.judge.force_audit_questions import QuestionBuilder, compute_acceleration
+from dexplan.sim.judge.force_audit_values import FEASIBLE, INFEASIBLE, UNDECIDED, ForceAnswer, ForceQuestion
 from dexplan.spatial import Array, build_frame
 
 MU, MU_T, RADIUS, CEILING = 0.55, 0.0025, 0.035, 10.0

@@ -13,7 +13,7 @@ from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.library import load_scene_with
-from dexplan.sim.checks_case import CheckResult
+from dexplan.sim.judge.checks_case import CheckResult
 from dexplan.sim.trace import Trace
 
 MU, MU_T = 0.55, 0.0025

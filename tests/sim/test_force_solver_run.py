@@ -12,10 +12,10 @@ from short_runs import build_plan_reference, plan_of
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Timing
-from dexplan.grasp.force import ForceSolution, ForceSolver
+from dexplan.grasp.force.solver import ForceSolution, ForceSolver
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
-from dexplan.sim.rollout import rollout
+from dexplan.sim.record.rollout import rollout
 from dexplan.sim.trace import Trace
 
 TIMING = Timing(first_hold=0.4, last_hold=0.4)

@@ -9,9 +9,9 @@ import pytest
 from held_ball import make_case, make_plan, make_problem, record, solve_posture
 
 from dexplan.errors import RunFolderError
+from dexplan.sim.judge.validate import ValidationReport, validate_run
 from dexplan.sim.machine import describe_machine, describe_versions, find_differences
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport, validate_run
 
 ELSEWHERE = {
     "machine": {**describe_machine(), "processor": "Another\nPASS"},

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dexplan import pipeline
 from dexplan.problems.read import load_problem
-from dexplan.sim.rollout import FALLEN
-from dexplan.sim.validate import ValidationReport
+from dexplan.sim.judge.validate import ValidationReport
+from dexplan.sim.record.rollout import FALLEN
 
 PAIR = [[-38.0, 0.0], [102.0, 0.0], "free"]
 

@@ -9,9 +9,15 @@ import pytest
 from held_ball import make_case, make_plan, make_problem, record
 
 from dexplan.errors import ProblemError
-from dexplan.sim.limits import INTEGRITY, find_loose_limits, is_floor, load_default_limits, resolve_limits
+from dexplan.sim.judge.limits import (
+    INTEGRITY,
+    find_loose_limits,
+    is_floor,
+    load_default_limits,
+    resolve_limits,
+)
+from dexplan.sim.judge.validate import ValidationReport, validate_run
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport, validate_run
 
 FREE = [name for name in load_default_limits() if name not in INTEGRITY]
 

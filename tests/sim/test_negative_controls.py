@@ -24,12 +24,12 @@ from short_runs import (
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
-from dexplan.planning.plan import Plan, PlannedPhase
+from dexplan.plan.plan import Plan, PlannedPhase
 from dexplan.problems.problem import AllowedRegion, Problem
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.library import load_scene_with
+from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport
 
 DROPPED = {"not_dropped", "position_error_max", "contact_schedule", "phases_in_order"}
 """Seen in every run that loses the object before its end."""

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from held_ball import MODEL_XML, make_case, make_problem, record
 
-from dexplan.sim.checks_case import Case
-from dexplan.sim.checks_physics import check_physics_untouched, find_departures
+from dexplan.sim.judge.checks_case import Case
+from dexplan.sim.judge.checks_physics import check_physics_untouched, find_departures
 
 
 @lru_cache

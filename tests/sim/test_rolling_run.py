@@ -9,14 +9,14 @@ import pytest
 from short_runs import build_plan_reference, failed, simulate
 
 from dexplan import pipeline
-from dexplan.contact.manoeuvre import RollingTriangle
+from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.control.reference import Reference
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.gaits import build_hold
-from dexplan.planning.plan import Plan
-from dexplan.planning.roll import Roll
-from dexplan.planning.roll_gait import as_roll, build_roll
-from dexplan.planning.rolling_carry import plan_rolling_turn
+from dexplan.plan.plan import Plan
+from dexplan.plan.roll import Roll
+from dexplan.planning.actions.gaits import build_hold
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.rolling.roll_gait import as_roll, build_roll
+from dexplan.planning.rolling.rolling_carry import plan_rolling_turn
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace

@@ -24,12 +24,12 @@ from short_runs import (
 )
 
 from dexplan import pipeline
-from dexplan.planning.plan import Plan
-from dexplan.sim import rollout as rollout_module
-from dexplan.sim.replay import replay
-from dexplan.sim.rollout import rollout
+from dexplan.plan.plan import Plan
+from dexplan.sim.judge.replay import replay
+from dexplan.sim.judge.validate import CHECKS
+from dexplan.sim.record import rollout as rollout_module
+from dexplan.sim.record.rollout import rollout
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import CHECKS
 
 SHORT = replace(HOLD_TIMING, first_hold=0.1, last_hold=0.1)
 

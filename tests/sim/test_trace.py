@@ -10,9 +10,9 @@ from held_ball import STEPS, record
 
 from dexplan.errors import RunFolderError
 from dexplan.sim import trace as trace_module
-from dexplan.sim.replay import replay
+from dexplan.sim.judge.replay import replay
+from dexplan.sim.judge.world import read_world
 from dexplan.sim.trace import Trace, check_columns, check_replayable
-from dexplan.sim.world import read_world
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import pytest
 from held_ball import make_case, make_plan, make_problem, record
 
 from dexplan.errors import RunFolderError
+from dexplan.sim.judge.validate import CHECKS, ValidationReport, load_default_limits, validate_run
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import CHECKS, ValidationReport, load_default_limits, validate_run
 
 
 @pytest.fixture(scope="module")

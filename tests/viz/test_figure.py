@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from turning_run import AXIS, make_plan, make_trace
 
-from dexplan.sim.checks_case import CheckResult
+from dexplan.sim.judge.checks_case import CheckResult
+from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
-from dexplan.sim.validate import ValidationReport
 from dexplan.spatial import as_pose7, make_pose, rotate_about
 from dexplan.viz.curves import compute_curves, compute_utilisation
 from dexplan.viz.figure import draw_summary

@@ -10,12 +10,12 @@ import pytest
 from matplotlib.image import imread
 
 from dexplan.contact.friction import SoftFinger
-from dexplan.planning.hand import HandModel
-from dexplan.scene.chain import compute_joint_margin, compute_tip_pose
+from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
+from dexplan.kinematics.workspace import Workspace
+from dexplan.planning.admissible.hand import HandModel
 from dexplan.scene.description import ContactCone
 from dexplan.scene.library import load_scene
 from dexplan.scene.probe import HandProbe
-from dexplan.scene.workspace import Workspace
 from dexplan.viz import reach as questions
 from dexplan.viz.maps import describe_reach, draw_reach
 from dexplan.viz.palette import as_rgb, get_finger_color

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dexplan.scene.library import load_scene
-from dexplan.sim.replay import replay
+from dexplan.sim.judge.replay import replay
 from dexplan.witness.experiments import (
     CHORD,
     EXPERIMENTS,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.admissible import Admissibility
-from dexplan.planning.hand import HandModel
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
 from dexplan.problems.problem import GoalSection, Problem, compute_contact_directions
 from dexplan.problems.read import load_problem
 from dexplan.witness import brute_force

@@ -1,0 +1,242 @@
+"""Which forces should the fingers exert?  A program built once per contact mode, solved every tick.
+
+Unknowns are the contact forces f (sum m) on the object, each in its contact frame:
+
+    minimise    w_n sum (f_n - target)^2 + w_t sum |f_t / c|^2  [+ s times the same squares of f - previous]
+    subject to  G f = wrench                              exactly, or within a band
+                A_i f_i <= 0                              pyramid inscribed in the exact cone
+                floor <= f_n <= ceiling
+                lower <= bias + (torque map) f <= upper   joint torques
+
+A minimum-norm solution would ride its cone; a normal force pulled to a target well inside does not.  The
+wrench is a constraint and never a cost: a weight that trades it against force under-delivers without a word
+and drops the object.
+
+**Smoothness.**  Call P(z) the feasible forces nearest to z in the norm of the cost, and t the target without friction.  Without
+smoothness the answer is P(t).  With it the two sums of squares are one about (t + s previous) / (1 + s), so the answer is
+
+    f = P((t + s previous) / (1 + s))
+
+and, as P moves no two points apart, |f - P(previous)| <= |t - previous| / (1 + s).  P(previous) is the least change that
+today's constraints ask for, and it is made at once: the wrench never lags.  The rest is a first-order filter: where no
+inequality is active P is affine, and each tick leaves s / (1 + s) of the way to the optimum P(t), the same for all components;
+:func:`compute_smoothness` turns a time constant into s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dexplan.contact.friction import ContactModel
+from dexplan.grasp.force.active_set import ActiveSetAnswer, DualActiveSet
+from dexplan.grasp.force.diagnosis import Loosening, diagnose, explain
+from dexplan.grasp.force.problem import ForceLimits, ForceProblem, ForceSettings
+from dexplan.grasp.force.program import ForceRows, Program
+from dexplan.grasp.force.recovery import solve_exact
+from dexplan.grasp.force.solution import ForceSolution
+from dexplan.grasp.force.splitting import Splitting
+from dexplan.spatial import Array
+
+__all__ = ["ForceLimits", "ForceProblem", "ForceSolution", "ForceSolver", "compute_smoothness"]
+
+GENTLE_FRICTION = 0.02
+"""Friction weight for planning and control.  Between contacts that are not opposite, less tangential force also means less
+squeeze, and less squeeze is nearer to sliding under the load: the weight only has to decide what the squeeze leaves open."""
+
+
+EXCHANGES = 200
+"""DAQP's exchanges of active rows before OSQP takes over: warm ticks take a handful, cold ones some dozens."""
+
+
+def compute_smoothness(tick: float, time_constant: float) -> float:
+    """Return the ``smoothness`` s with which forces follow a new optimum in ``time_constant`` [s], one solve per ``tick`` [s].
+
+    After that time 1/e of the way is left: (s / (1 + s))^(time_constant / tick) = 1/e, so
+    s = 1 / (exp(tick / time_constant) - 1), about time_constant / tick for slow ones; 0 for no time at all.
+    Raises ValueError for a tick <= 0 or a time constant < 0.
+    """
+    if not (tick > 0.0 and time_constant >= 0.0):
+        raise ValueError(f"tick {tick} s, time constant {time_constant} s; > 0 and >= 0 are accepted")
+    return 1.0 / float(np.expm1(tick / time_constant)) if time_constant > 1e-3 * tick else 0.0
+
+
+@final
+class ForceSolver:
+    """The quadratic program of one contact mode (which fingers touch, and how): fixed sparsity, warm started.
+
+    DAQP, a dual active-set method, starts from the rows that were active in the last answer, and is believed only
+    with a proof (:mod:`dexplan.grasp.force.active_set`).  OSQP takes over where it finds none, and an exact method where
+    OSQP stops short.
+
+    Args:
+        models: contact models in the order of the columns of G.
+        joints_per_finger: number J of joints with torque limits per finger; 0 for none.
+        length: size of the object [m], by which torque of the wrench is divided to read as force.
+        reach: typical lever arm of a joint [m], the same for joint torques.
+        normal_weight, friction_weight: w_n, w_t [-].
+        smoothness: s [-], weight of the change since ``previous``; see the module and :func:`compute_smoothness`.
+        wrench_tolerance: half width [N] of the band around the wrench (torque: times ``length``), or 0.
+        tolerance: OSQP's absolute and relative tolerance [N].
+        max_iterations: when an exact method takes over from OSQP.
+        exchanges: of active rows by DAQP until OSQP takes over; 0 leaves all to OSQP.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[ContactModel],
+        joints_per_finger: int = 0,
+        *,
+        length: float = 0.035,
+        reach: float = 0.1,
+        normal_weight: float = 1.0,
+        friction_weight: float = 0.1,
+        smoothness: float = 0.0,
+        wrench_tolerance: float = 0.0,
+        tolerance: float = 1e-6,
+        max_iterations: int = 400,
+        exchanges: int = EXCHANGES,
+    ) -> None:
+        self.settings = ForceSettings(
+            tuple(models), length, reach, normal_weight, friction_weight, smoothness, wrench_tolerance
+        )
+        self.models = self.settings.models
+        self._joints, self._tolerance = joints_per_finger, tolerance
+        self._rows = ForceRows(self.settings, joints_per_finger)
+        self._size = len(self._rows.p)
+        self._active_set = DualActiveSet(exchanges) if exchanges else None
+        self._splitting = Splitting(self._rows.as_program(), self._rows.pattern, tolerance, max_iterations)
+        self._last: ActiveSetAnswer | None = None  # an optimum that OSQP has not seen
+
+    def solve(
+        self,
+        G: Array,
+        wrench: ArrayLike,
+        limits: ForceLimits,
+        target_normal: ArrayLike,
+        torque_maps: Array | None = None,
+        torque_bias: Array | None = None,
+        previous: Array | None = None,
+        explain: bool = True,
+    ) -> ForceSolution:
+        """Return the contact forces; an infeasible problem is a status, never an exception.
+
+        Args:
+            G: grasp map (6, sum m).
+            wrench: (f, tau) (6,) [N, N m] for the fingers to exert on the object, about the origin of G.
+            limits: of normal forces and joint torques.
+            target_normal: (F,) [N] normal forces to aim at.
+            torque_maps: (F, J, m) joint torque per contact force; m is the largest dimension of the models.
+            torque_bias: (F, J) [N m] joint torques at zero contact force; zero by default.
+            previous: (F, 4) forces of the tick before, for ``smoothness``; None where there is no such tick.
+            explain: whether to find out what would help where there are no forces, which takes longer than the rest.
+
+        Raises:
+            ValueError: shapes that do not fit this mode, or numbers that are not finite.
+        """
+        problem = ForceProblem(
+            self.settings,
+            G,
+            np.asarray(wrench, dtype=np.float64),
+            limits,
+            np.asarray(target_normal, dtype=np.float64),
+            torque_maps if self._joints else None,
+            torque_bias if self._joints else None,
+            previous if self.settings.smoothness else None,
+        )
+        self._check_shapes(problem)
+        rows = self._rows
+        rows.write(problem)
+        if self._active_set is not None:
+            answer = self._active_set.solve(rows.D, rows.aim, rows.lower, rows.upper)
+            if answer is not None:
+                self._last = answer
+                return self._as_solution(answer.x, "solved", problem, (), "DAQP", answer.iterations)
+        return self._solve_slowly(problem, explain)
+
+    def _check_shapes(self, problem: ForceProblem) -> None:
+        G, wrench, limits = problem.G, problem.wrench, problem.limits
+        count = len(self.models)
+        if G.shape != (6, self._size) or wrench.shape != (6,) or limits.normal_floor.shape != (count,):
+            raise ValueError(
+                f"G {G.shape}, wrench {wrench.shape}, limits {limits.normal_floor.shape}; "
+                f"(6, {self._size}), (6,), ({count},) are accepted"
+            )
+        if self._joints:
+            maps, shape = problem.torque_maps, (count, self._joints, self._rows.map_width)
+            if maps is None or maps.shape != shape:
+                given = None if maps is None else maps.shape
+                raise ValueError(f"torque maps {given}; {shape} is accepted")
+
+    def _as_solution(
+        self,
+        x: Array,
+        status: str,
+        problem: ForceProblem,
+        cures: tuple[tuple[Loosening, ...], ...],
+        method: str,
+        iterations: int,
+    ) -> ForceSolution:
+        forces = np.zeros((len(self.models), 4))
+        forces.ravel()[self._rows.padded] = x * self._rows.force_of_x
+        forces.setflags(write=False)
+        return ForceSolution(forces, status, problem, cures, method, iterations)
+
+    def _solve_slowly(self, problem: ForceProblem, is_explained: bool) -> ForceSolution:
+        """Run OSQP, then an exact method; failing both, say why there are no forces if that is asked for."""
+        _check_finite(problem)
+        rows, program = self._rows, self._rows.as_program()
+        if self._last is not None:
+            self._splitting.start(self._last.x / rows.root, self._last.multipliers)
+            self._last = None
+        status, y, method, iterations = self._iterate(program, problem)
+        if status == "solved":
+            return self._as_solution(y * rows.root, status, problem, (), method, iterations)
+        # Find out why there is no solution; if there should be one, start OSQP afresh.
+        self._splitting.forget()
+        if not is_explained:
+            nowhere = np.full(self._size, np.nan)
+            return self._as_solution(nowhere, f"{status} (not explained)", problem, (), method, iterations)
+        cures, nearest = diagnose(rows)
+        if nearest is not None and not cures:
+            status, y, method, more = self._iterate(program, problem)
+            iterations += more
+            if status == "solved":
+                return self._as_solution(y * rows.root, status, problem, (), method, iterations)
+            self._splitting.forget()
+        else:
+            status = f"infeasible: {explain(cures, self.settings.length)}"
+        x = np.full(self._size, np.nan) if nearest is None else nearest * rows.root
+        return self._as_solution(x, status, problem, cures, "linear program", iterations)
+
+    def _iterate(self, program: Program, problem: ForceProblem) -> tuple[str, Array, str, int]:
+        """Run OSQP, finish its work if it stops short, and believe it only if the wrench checks."""
+        rows, settings = self._rows, self.settings
+        answer = self._splitting.solve(program)
+        y, said, method = answer.x, answer.said, "OSQP"
+        if said != "solved":
+            exact = solve_exact(program)
+            if exact is not None:
+                if "infeasible" in said:  # mistaken, and its iterates have run away
+                    self._splitting.forget()
+                y, said, method = exact, "solved", "exact"
+        if said != "solved":
+            text = f"unsolved: OSQP reports {said} after {answer.iterations} iterations"
+            return text, y, method, answer.iterations
+        residual = problem.G @ (y * rows.scale) - problem.wrench
+        residual[3:] /= settings.length
+        allowed = settings.wrench_tolerance + 10.0 * self._tolerance * (1.0 + np.abs(y).max())
+        if not np.abs(residual).max() <= allowed:
+            text = f"unsolved: the wrench is missed by {np.abs(residual).max():.1e} N"
+            return text, y, method, answer.iterations
+        return "solved", y, method, answer.iterations
+
+
+def _check_finite(problem: ForceProblem) -> None:
+    for name in ("G", "wrench", "target_normal", "torque_maps", "torque_bias", "previous"):
+        value = getattr(problem, name)
+        if value is not None and not np.isfinite(value).all():
+            raise ValueError(f"{name} has entries that are not finite; finite numbers are accepted")

@@ -1,0 +1,112 @@
+"""What the planner knows of the world: descriptions, workspaces, and two questions it may ask; no simulator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from dexplan.brief import brief_repr
+from dexplan.contact.friction import SoftFinger
+from dexplan.contact.surfaces.sphere import require_sphere
+from dexplan.kinematics.chain import compute_joint_margin
+from dexplan.kinematics.finger import FingerDescription
+from dexplan.kinematics.workspace import Workspace
+from dexplan.scene.description import Nearness, ObjectDescription
+from dexplan.spatial import Array
+
+
+class Probe(Protocol):
+    """Kinematic queries that need the hand's full geometry; answered by ``scene.probe.HandProbe``."""
+
+    def compute_clearance(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> tuple[float, str]:
+        """Return the smallest distance [m] between bodies that should not touch, and their names; nothing ``absent`` counts."""
+        ...
+
+    def find_nearest(
+        self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
+    ) -> Nearness:
+        """Return the same with whose bodies they are."""
+        ...
+
+    def find_overlaps(self) -> tuple[Nearness, ...]:
+        """Return the bodies that touch or overlap whatever the hand does, the deepest first."""
+        ...
+
+    def compute_gravity_torque(self, q: Array) -> Array:
+        """Return the joint torques (F, J) [N m] that hold the fingers' own weight."""
+        ...
+
+
+@dataclass(frozen=True)
+class AdmissibleLimits:
+    """What a state must leave to spare to be planned through."""
+
+    joint_margin: float = float(np.radians(5.0))
+    """Distance of every joint to its limits [rad]."""
+    travel_margin: float = float(np.radians(4.0))
+    """The same for a free finger on its way [rad].  The judge asks 3 degrees of every finger at every sample; the rest is for
+    what execution adds."""
+    dexterity: float = 0.25
+    """Smallest singular value of a loaded finger's Jacobian, lengths in 60 mm: away from singular postures."""
+    cone_share: float = 0.98
+    """Share of the believed friction cone that planned forces may use.  The pyramid inscribed in the cone keeps up to 4 % back by
+    itself.  A pure squeeze between two contacts 140 degrees apart already uses 0.86 of the cone at mu 0.55 / 1.3: a share of
+    0.8 would refuse grasps that hold in the simulator with a quiet utilisation of 0.72."""
+    closure_margin: float = float(np.radians(1.5))
+    """Angle that a pair keeps between its chord and the border of the believed friction cones [rad]."""
+    torque_share: float = 0.70
+    """Share of the torque limits that planned forces may use."""
+    clearance: float = 0.002
+    """Distance between bodies that do not touch [m]."""
+    normal_floor: float = 4.0
+    normal_ceiling: float = 12.0
+    """Least and greatest normal force of a loaded contact [N]."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandModel:
+    """A hand around an object, as the planner sees it.
+
+    ``friction`` is the *believed* one; ``hover`` [m] the gap at which approaches start; ``acceleration`` the largest planned
+    angular acceleration of the object [rad/s^2].
+    """
+
+    fingers: tuple[FingerDescription, ...]
+    object: ObjectDescription
+    workspaces: tuple[Workspace, ...]
+    friction: SoftFinger
+    probe: Probe
+    limits: AdmissibleLimits = field(default_factory=AdmissibleLimits)
+    normal_force: float = 5.0
+    hover: float = 0.008
+    acceleration: float = 2.8
+    tip_polar_limit: float = float(np.radians(80.0))
+    """Largest angle between a tip's pole and its contact on the tip [rad]."""
+    tip_rotation_limit: float = float(np.radians(75.0))
+    """How far a tip may roll round, seen from where its contact set out: the paper's gamma [rad]."""
+
+    __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        require_sphere(self.object.surface, "planning")
+
+    @cached_property
+    def p_WF_home(self) -> Array:
+        """Tip centres (F, 3) [m] at home, in W."""
+        return np.stack([f.pose_at(f.q_home)[:3, 3] for f in self.fingers])
+
+    @property
+    def q_home(self) -> Array:
+        """Home postures (F, J) [rad]."""
+        return np.stack([f.q_home for f in self.fingers])
+
+
+def compute_travel_margin(hand: HandModel, finger: int) -> float:
+    """Return how far [rad] a free finger's joints stay off their limits; what home has, where that is less."""
+    who = hand.fingers[finger]
+    return min(hand.limits.travel_margin, float(compute_joint_margin(who.chain, who.q_home)))

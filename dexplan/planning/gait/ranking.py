@@ -1,0 +1,83 @@
+"""The search's heuristic: how many placements are still missing from a node to the goal, and what a way through it will cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.gait.cost import CostWeights
+from dexplan.planning.gait.nodes import Node
+
+GREED = 3.0
+"""How much more a turn still to be made counts than placements already spent.  One placement is taken to be worth half of what
+a finger can carry a contact; above 1 the search looks for a good gait soon rather than for the best one at last."""
+SURE = 0.7
+"""So much of the placements that seem to be missing will be needed: what then costs more than a plan in hand is left out."""
+
+
+@dataclass(eq=False)
+class Ranking:
+    """Ranks the nodes of one route, whose legs have ``tables``."""
+
+    tables: list[ContactTable]
+    rewinds_only: bool
+    _worths: dict[int, float] = field(default_factory=dict)
+
+    def rank(self, node: Node) -> float:
+        """Return the priority of a node; the smallest is opened first."""
+        # Between equals, prefer grasps that carry easily: small forces and room for error.
+        load = node.load + 30.0 * max(0.0, node.load - 0.88)
+        return node.placements + GREED * self.estimate_missing(node) + load
+
+    def foresee_cost(self, node: Node, weights: CostWeights) -> float:
+        """Return what a way through ``node`` costs at the very least, if the estimate of what is missing is ``SURE`` right."""
+        placements = node.placements + SURE * self.estimate_missing(node)
+        turned = sum(abs(table.leg.angle) for table in self.tables)
+        return weights.placement * placements + weights.turn * turned + weights.load * node.load
+
+    def estimate_missing(self, node: Node) -> float:
+        """Return about how many placements are missing from a node to the goal."""
+        table, lefts = self.tables[node.leg], [h.left for h in node.held]
+        ahead = table.stations - node.done
+        missing = self._count_missing(node.leg, ahead, min(node.promise, *lefts), max(lefts))
+        if missing and self.rewinds_only:
+            missing = 2.0 * missing + 0.5 * self._count_rewind_steps(node)
+        later = range(node.leg + 1, len(self.tables))
+        if later and not missing and not self.tables[later[0]].leg.is_shift:
+            # These contacts begin the next leg: how far would they get there?
+            after = self.tables[later[0]]
+            lefts = [after.foresee_carry(h.finger, table.normal(h.carried(ahead))) for h in node.held]
+            missing += self._count_missing(later[0], after.stations, min(lefts), max(lefts))
+            later = later[1:]
+        turns = (i for i in later if not self.tables[i].leg.is_shift)
+        return missing + sum(self.tables[i].stations / self._worth(i) for i in turns)
+
+    def _worth(self, leg: int) -> float:
+        """Return the stations that one placement is worth on a leg: half of what a finger can carry a contact."""
+        table = self.tables[leg]
+        if table.leg.is_shift:
+            return float(table.stations)
+        if leg not in self._worths:
+            runs = [np.percentile(c.carry, 90) for c in table.candidates.values() if len(c.carry)]
+            self._worths[leg] = max(1.0, 0.5 * float(np.mean(runs))) if runs else 1.0
+        return self._worths[leg]
+
+    def _count_missing(self, leg: int, ahead: int, lasts: int, longest: int) -> float:
+        """Return about how many placements are missing on a leg to go ``ahead`` stations on with contacts that have so much left.
+
+        A turn ends when one contact is used up; what the other has left then serves the next turn, about half of it.
+        """
+        if ahead <= lasts:
+            return 0.0
+        return 0.6 + 0.5 * (ahead - lasts + max(0, ahead - longest)) / self._worth(leg)
+
+    def _count_rewind_steps(self, node: Node) -> int:
+        """Return how many placements are missing before the pair that moves the object can do so again."""
+        if not node.pair:
+            return 0
+        fresh = 0.5 * self._worth(node.leg)
+        inside = [h.left >= fresh for h in node.held if h.finger in node.pair]
+        # Those that are away come back; those used up leave, when another stands in for them, and come back.
+        return len(node.pair) - sum(inside) + inside.count(False)

@@ -1,0 +1,60 @@
+"""What an adjustment of the grasp is made of: moves as values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dexplan.plan.motion import ObjectMotion
+from dexplan.plan.plan import Placement
+from dexplan.plan.roll import Roll
+from dexplan.planning.rolling.roll_to_goal import measure_angle
+from dexplan.spatial import Array
+
+Contacts = tuple[Placement | None, ...]
+"""Per finger where it touches, None where it is free."""
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """One move: ``kind`` place, lift, roll or carry; ``finger`` the one placed or lifted; ``contacts`` after it.
+
+    The object is at ``X_WO`` (4, 4), or goes through ``motion`` in a carry.
+    """
+
+    kind: str
+    finger: int | None
+    contacts: Contacts
+    X_WO: Array
+    margins: dict[str, float] = field(default_factory=dict)
+    rolls: tuple[Roll, ...] = ()
+    why: str = ""
+    motion: ObjectMotion | None = None
+    way: Array | None = None
+    """The postures (K, J) of the finger's way where they are not the arc's, as it walks them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Adjustment:
+    """The answer of a search: the moves, or what stopped it nearest to the goal in ``reason``; ``opened`` counts nodes.
+
+    ``is_exhausted``: there is no move left that it could try.
+    """
+
+    moves: tuple[Move, ...] | None
+    reason: str
+    opened: int = 0
+    is_exhausted: bool = False
+
+
+def reverse_roll(roll: Roll) -> Roll:
+    """Return the same way walked backwards."""
+    return Roll(roll.finger, roll.X_OF[::-1], roll.normal_O[::-1])
+
+
+def is_same(a: Contacts, b: Contacts) -> bool:
+    """Return whether the fingers touch at the same places."""
+    return all(
+        (x is None) == (y is None)
+        and (x is None or y is None or measure_angle(x.normal_O, y.normal_O) < 1e-6)
+        for x, y in zip(a, b, strict=True)
+    )

@@ -1,0 +1,174 @@
+"""How many placements bring a stand to the goal grasp at least?  An easier question whose answer tells a search where to go.
+
+Left out are loads, links and ways: a finger can be where its tip reaches, two fingers hold where their contacts are force
+closed with a margin, tips keep their distance, and one finger at a time is placed where it holds with one of the other two.
+What is left is a graph of pairs of contacts on the object, the same for every pose but for what is within reach, and all
+distances in it are products of a few matrices.  No stand can do with less; from where the answer is "never" there is no way
+along these places at all.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexplan.planning.regrasp.layers import Layers
+from dexplan.planning.regrasp.still import Stand
+from dexplan.spatial import Array
+
+NEVER = np.inf
+Pair = tuple[int, int]
+Bools = NDArray[np.bool_]
+
+
+class RelocationBound:
+    """Lower bounds on the way through ``layers`` into one of the stands ``roots`` in the last of them.
+
+    ``roots``: per stand of three contacts the pairs of fingers whose third can go to its contact last; a stand of two is its own.
+    ``is_early``: contacts of the roots may be taken in earlier poses, too, and carried on.
+    """
+
+    def __init__(self, layers: Layers, roots: dict[Stand, list[Pair]], is_early: bool = False) -> None:
+        self._layers, self._roots, self._is_early = layers, roots, is_early
+        self._count = len(layers.hand.fingers)
+        self._pairs = list(combinations(range(self._count), 2))
+        self._normals: list[list[Array]] = [[] for _ in range(self._count)]
+        self._index: list[dict[bytes, int]] = [{} for _ in range(self._count)]
+        self._within: list[list[set[int]]] = [[set() for _ in range(self._count)] for _ in layers.poses]
+        self._dead: set[tuple[int, Pair, int, int]] = set()
+        self._distances: list[dict[Pair, Array]] = [{} for _ in layers.poses]
+        self._stale = layers.last
+        for layer, still in enumerate(layers.poses):
+            for finger in range(self._count):
+                for spot in still.landings(finger):
+                    # What can be put down in one pose is still within reach in the next.
+                    for pose in (layer, min(layer + 1, layers.last)):
+                        self._within[pose][finger].add(self._number(layer, finger, spot))
+        self._ends = [self._numbers(layers.last, stand) for stand in roots]
+        for end in self._ends:
+            for finger, number in end.items():
+                for within in self._within[0 if is_early else layers.last :]:
+                    within[finger].add(number)
+
+    def refuse(self, layer: int, stand: Stand) -> None:
+        """Take into account that two contacts turned out not to hold by themselves."""
+        numbers = self._numbers(layer, stand)
+        if len(numbers) == 2:
+            (a, i), (b, j) = numbers.items()
+            self._dead.add((layer, (a, b), i, j))
+            self._stale = max(self._stale, layer)
+
+    def count_moves(self, layer: int, stand: Stand) -> float:
+        """Return how many placements and lifts are missing at least; inf where there is no way."""
+        self._note(layer, stand)
+        numbers = self._numbers(layer, stand)
+        if (self._is_early or layer == self._layers.last) and numbers in self._ends:
+            return 0.0
+        self._solve()
+        found = self._distances[layer]
+        placements = min(
+            (float(found[a, b][numbers[a], numbers[b]]) for a, b in combinations(numbers, 2)), default=NEVER
+        )
+        # Every placement is followed by a lift, but the last one into a grasp of three; a stand of three begins with a lift.
+        last = 1.0 if any(len(end) > 2 for end in self._ends) else 0.0
+        return 2.0 * placements - last + (len(numbers) > 2)
+
+    def count_pairs(self) -> int:
+        """Return from how many pairs of places in the last pose there may be a way."""
+        self._solve()
+        return sum(int(np.isfinite(rows).sum()) for rows in self._distances[-1].values())
+
+    def _note(self, layer: int, stand: Stand) -> None:
+        """Take contacts into account that are on no grid, there and in all later poses."""
+        for finger, number in self._numbers(layer, stand).items():
+            if number not in self._within[layer][finger]:
+                self._stale = self._layers.last
+                for within in self._within[layer:]:
+                    within[finger].add(number)
+
+    def _numbers(self, layer: int, stand: Stand) -> dict[int, int]:
+        """Return per finger that touches the number of its contact's direction."""
+        return {f: self._number(layer, f, s) for f, s in enumerate(stand) if s is not None}
+
+    def _number(self, layer: int, finger: int, spot: int) -> int:
+        normal = self._layers.poses[layer].spots[spot].normal_O
+        known, key = self._index[finger], normal.tobytes()
+        if key not in known:
+            known[key] = len(known)
+            self._normals[finger].append(normal)
+            self._stale = self._layers.last
+        return known[key]
+
+    def _solve(self) -> None:
+        """Measure the distances that are out of date, in the last pose first."""
+        if self._stale < 0:
+            return
+        layers, hand = self._layers, self._layers.hand
+        normals = [np.array(rows).reshape(-1, 3) for rows in self._normals]
+        centers = [
+            hand.object.surface.radial(n) + f.tip_radius * n
+            for n, f in zip(normals, hand.fingers, strict=True)
+        ]
+        opposite = layers.poses[-1].opposite
+        is_apart: dict[Pair, Bools] = {}
+        holds: dict[Pair, Bools] = {}
+        for a, b in self._pairs:
+            room = hand.limits.clearance + hand.fingers[a].tip_radius + hand.fingers[b].tip_radius
+            gap = np.linalg.norm(centers[a][:, None] - centers[b][None], axis=2)
+            is_apart[a, b] = gap >= room
+            holds[a, b] = (normals[a] @ normals[b].T < opposite) & is_apart[a, b]
+        if self._stale < layers.last:
+            later = self._distances[self._stale + 1]
+        else:
+            later = {pair: np.full(rows.shape, NEVER) for pair, rows in holds.items()}
+            for end, pairs in zip(self._ends, self._roots.values(), strict=True):
+                for a, b in pairs:
+                    later[a, b][end[a], end[b]] = len(end) - 2.0
+        for layer in range(self._stale, -1, -1):
+            later = self._distances[layer] = self._spread(layer, later, is_apart, holds)
+        self._stale = -1
+
+    def _spread(
+        self, layer: int, later: dict[Pair, Array], is_apart: dict[Pair, Bools], holds: dict[Pair, Bools]
+    ) -> dict[Pair, Array]:
+        """Return the distances in a pose, where ``later`` has those of the next, or of the goal itself."""
+        within = [np.array(sorted(rows), dtype=np.intp) for rows in self._within[layer]]
+        grid = {(a, b): np.ix_(within[a], within[b]) for a, b in self._pairs}
+        apart = {pair: is_apart[pair][grid[pair]] for pair in self._pairs}
+        alone = {pair: holds[pair].copy() for pair in self._pairs}
+        for pose, pair, i, j in self._dead:
+            if pose == layer:
+                alone[pair][i, j] = False
+        free = {pair: alone[pair][grid[pair]] for pair in self._pairs}
+        # A pair that does not hold alone may be carried on with the third finger.
+        goes_on = alone if layer == self._layers.last else holds
+        before = {pair: np.where(goes_on[pair], later[pair], NEVER) for pair in self._pairs}
+        if self._is_early and layer < self._layers.last:
+            for end in self._ends:
+                for a, b in combinations(end, 2):
+                    before[a, b][end[a], end[b]] = min(before[a, b][end[a], end[b]], len(end) - 2.0)
+        found = {pair: before[pair][grid[pair]] for pair in self._pairs}
+        step = 0.0
+        while any(np.any(np.isfinite(rows) & (rows >= step)) for rows in found.values()):
+            for a, b in self._pairs:
+                here = found[a, b] == step
+                if not here.any():
+                    continue
+                for c in (f for f in range(self._count) if f not in (a, b)):
+                    # The third tip has room beside both; then one of the two can go.
+                    for stays, goes, rows in ((a, b, here), (b, a, here.T)):
+                        new = (rows @ _between(apart, goes, c)) & _between(apart, stays, c)
+                        pair, new = ((stays, c), new) if stays < c else ((c, stays), new.T)
+                        there = found[pair]
+                        there[new & free[pair] & (there > step + 1.0)] = step + 1.0
+            step += 1.0
+        whole = {pair: np.full(holds[pair].shape, NEVER) for pair in self._pairs}
+        for pair in self._pairs:
+            whole[pair][grid[pair]] = found[pair]
+        return whole
+
+
+def _between(table: dict[Pair, Bools], a: int, b: int) -> Bools:
+    return table[a, b] if a < b else table[b, a].T

@@ -1,0 +1,182 @@
+"""Grasp adjustment: a search for moves from one of several grasps into the goal grasp [paper §1].
+
+It is led by how many placements are missing at least, and ends in a stand that the goal's own side has found: the goal grasp, or
+one from which it is rolled into.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dexplan.plan.motion import ObjectMotion
+from dexplan.plan.plan import Placement
+from dexplan.planning.regrasp.goal_side import OPTIONS, GoalSide
+from dexplan.planning.regrasp.layers import Layers
+from dexplan.planning.regrasp.moves import Adjustment, Contacts, Move, is_same
+from dexplan.planning.regrasp.nodes import Labels, Node, build_moves, trace_back
+from dexplan.planning.regrasp.relocation_bound import RelocationBound
+from dexplan.planning.regrasp.stand_search import AbstractStandSearch
+from dexplan.planning.regrasp.still import land_again
+from dexplan.planning.rolling.roll_gait import RollPlan
+from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
+from dexplan.spatial import Array
+
+PATIENCE = 30
+"""After the first way is found as many nodes as it took are opened again, and so many more, to find a better one."""
+
+
+@dataclass(eq=False)
+class AdjustmentSearch(AbstractStandSearch):
+    """Finds moves from grasps that it is given to the goal contacts of ``side``; ``chosen`` is the number of the one it found.
+
+    The object goes through the layers' motion meanwhile and ends where ``side`` has it; the grasps have the postures of its
+    beginning, None is a finger that is free.  It can be asked to go on where it stopped, with further grasps.
+
+    ``is_simultaneous``: goal contacts may be taken before the object is at its end, too.  ``known_rolls``: ways to roll out of a
+    grasp that an earlier search found; what this one finds is added.
+    """
+
+    side: GoalSide = field(kw_only=True)
+    known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
+    chosen: int = field(default=0, init=False)
+    _starts: int = field(default=0, init=False)
+    _dead_end: str = field(default="", init=False)
+    _early: dict[tuple[int, int], list[int]] = field(default_factory=dict, init=False)
+
+    @classmethod
+    def along(
+        cls,
+        motion: ObjectMotion,
+        side: GoalSide,
+        known_rolls: dict[bytes, tuple[list[RollPlan], str]],
+        is_simultaneous: bool = False,
+    ) -> AdjustmentSearch:
+        """Return a search along the ``motion`` that leads to the goal's pose."""
+        layers = Layers(side.hand, side.admissibility, motion)
+        layers.poses[-1] = side.still
+        return cls(layers, is_simultaneous, side=side, known_rolls=known_rolls)
+
+    def __post_init__(self) -> None:
+        self._hand, self._last = self.side.hand, self.layers.last
+        self.bound = RelocationBound(self.layers, self.side.roots, self.is_simultaneous)
+        self._options = {self.side.still.label(stand): o for stand, o in self.side.options.items()}
+
+    def begin(self, start: Contacts) -> Adjustment | None:
+        """Add a grasp to start from; return the moves where they are so simple that no search is needed."""
+        number = self._starts
+        self._starts += 1
+        if not self._last:
+            self.chosen = number
+            if is_same(start, self.side.goal):
+                return Adjustment((), "")
+            X_WO = self.side.X_WO
+            rolled = roll_all_the_way(self._hand, self.side.admissibility, X_WO, start, self.side.goal)
+            if rolled is not None:
+                why = "they roll to their goal contacts"
+                moves = [Move("roll", None, r.contacts, X_WO, r.margins, r.rolls, why) for r in rolled]
+                return Adjustment(tuple(moves), "")
+        self._dead_end = self._begin(number, start)
+        return None
+
+    def count_moves(self, start: Contacts) -> float:
+        """Return how many placements and lifts it takes at least from a grasp that has not been added."""
+        first = self.layers.poses[0]
+        return self.bound.count_moves(0, tuple(None if c is None else first.add(c) for c in start))
+
+    def run(self, node_budget: int) -> Adjustment:
+        """Return the moves, fewest first as far as the search's greed allows; at most so many nodes are opened in all."""
+        before = self.opened
+        best: Node | None = None
+        until = node_budget
+        while (node := self._open_next(until, np.inf if best is None else best.spent)) is not None:
+            if node.layer < self._last or self._label(node) not in self._options:
+                self._expand(node)
+                continue
+            if refusal := self._check_carries(node):
+                self._refuse(refusal, node)
+                continue
+            if best is None:
+                until = min(until, 2 * self.opened + PATIENCE)
+            if best is None or node.spent < best.spent:
+                best, option = node, self._options[self._label(node)]
+            if not self.is_simultaneous:
+                break
+        if best is not None:
+            self.chosen = trace_back(best)[0].start
+            return Adjustment(
+                build_moves(self.layers, best, self.side.goal, option), "", self.opened - before
+            )
+        reason = self._dead_end or self.side.refusal or self.explain()
+        if not self.is_exhausted:
+            reason = f"{reason} ({self.opened} nodes were opened)"
+        return Adjustment(None, reason, self.opened - before, is_exhausted=self.is_exhausted)
+
+    # -- where it begins and ends ----------------------------------------------------------------------------------------
+
+    def _begin(self, number: int, start: Contacts) -> str:
+        """Begin with a grasp; return why no finger of it can ever be lifted, "" if one can."""
+        first = self.layers.poses[0]
+        stand = tuple(None if c is None else first.add(c, self._name(c)) for c in start)
+        self._push(Node(0, stand, 0.0, start=number))
+        if first.has_pair(stand) or sum(s is not None for s in stand) < 3:
+            return ""
+        options, refusal = self._unroll(first.X_WO, start)
+        for option in options:
+            after = tuple(None if c is None else first.add(c, self._name(c)) for c in option.contacts)
+            i, j = (self._hand.fingers[f].name for f in option.pair)
+            why = f"no two contacts are force closed; {i} and {j} roll apart until they are"
+            head = Move("roll", None, option.contacts, first.X_WO, option.margins, option.rolls, why)
+            self._push(Node(0, after, 1.0, head=head, start=number))
+        return refusal
+
+    def _name(self, contact: Placement) -> int | None:
+        """Return the label of a contact: a finger may stand at its goal contact already."""
+        goal = self.side.goal[contact.finger]
+        is_there = goal is not None and measure_angle(goal.normal_O, contact.normal_O) < 1e-6
+        return 0 if is_there else None
+
+    def _unroll(self, X_WO: Array, start: Contacts) -> tuple[list[RollPlan], str]:
+        """Return ways to roll contacts apart until two of them hold, and why there is none ("" if there is one)."""
+        key = b"".join([np.round(X_WO, 9).tobytes(), *(np.round(c.X_OF, 9).tobytes() for c in start if c)])
+        if key not in self.known_rolls:
+            search = RollEveryPair(self._hand, X_WO, start, self.side.admissibility)
+            options = search.first_of_every_pair(OPTIONS)
+            self.known_rolls[key] = options, "" if options else search.explain()
+        options, refusal = self.known_rolls[key]
+        if refusal:
+            refusal = f"no two of the start contacts hold, and rolling cannot make two that do: {refusal}"
+        return options, refusal
+
+    def _label(self, node: Node) -> Labels:
+        return self.layers.poses[node.layer].label(node.stand)
+
+    def _check_carries(self, node: Node) -> str:
+        """Return why an object motion on the way to ``node`` cannot be, looked at closely; notes the margins of all."""
+        while node.parent is not None:
+            if node.parent.layer != node.layer and not node.margins:
+                node.margins, refusal = self.layers.judge_carry(node.parent.layer, node.parent.stand)
+                if refusal:
+                    node.margins = {}
+                    return refusal
+            node = node.parent
+        return ""
+
+    # -- search ----------------------------------------------------------------------------------------------------------
+
+    def _goals(self, layer: int, finger: int) -> list[int]:
+        """Return the contacts on ways into the goal that a finger may take in a layer."""
+        if layer == self._last:
+            return self.side.wanted.get(finger, [])
+        if not self.is_simultaneous:
+            return []
+        key = layer, finger
+        if key not in self._early:
+            still, last = self.layers.poses[layer], self.side.still
+            self._early[key] = []
+            for spot in self.side.wanted.get(finger, []):
+                found = land_again(self._hand, still.X_WO, last.spots[spot])
+                if found is not None:
+                    self._early[key].append(still.add(found, last.labels[spot]))
+        return self._early[key]

@@ -1,0 +1,337 @@
+"""From three fingers to two by rolling [paper §1, §3]: a pair rolls towards opposite places until it holds the object alone.
+
+Where no two of the contacts are force closed nothing can be lifted, so only rolling can make a new grasp.  The pair with the
+largest straight-line distance rolls along its great circle, both fingers by the same angle, which is the shortest way to a
+two-finger grasp [paper §3, figure 1]; the third finger stays, or rolls along to keep the three-finger grasp closed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from dexplan.brief import brief_repr
+from dexplan.contact.rolling.curves import RollingPath, roll_turning
+from dexplan.errors import spell_apart
+from dexplan.kinematics.arcs import build_travel, compute_hover, refine
+from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
+from dexplan.kinematics.following import follow_tip
+from dexplan.plan.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plan.roll import Roll
+from dexplan.planning.admissible.admissibility import Admissibility, Margins, compute_finger_states, worst
+from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
+from dexplan.planning.admissible.separation import compute_pair_angle_max
+from dexplan.planning.admissible.tip_rotation import (
+    ROUNDING,
+    describe_rotation,
+    measure_rotation,
+    trace_on_tip,
+)
+from dexplan.spatial import Array
+
+STEP = float(np.radians(1.0))
+"""Ways are checked this often along the object, and pairs opened in these steps [rad]."""
+FOLLOW = (0.0, 5.0, 10.0, 15.0, -5.0)
+"""How far the third finger may roll along, away from the middle of the pair [deg on the object]."""
+WIDEST = float(np.radians(24.0))
+"""No pair is opened by more than this beyond the first that closes."""
+
+
+@dataclass(frozen=True, eq=False)
+class RollPlan:
+    """How fingers roll from one grasp to the next while they hold the object still.
+
+    ``rolls`` of the fingers that roll; ``contacts`` of all fingers afterwards; ``pair`` the fingers that then hold alone and
+    ``lifted`` those that are lifted; ``margins`` the worst along the way, ``pair_margins`` those of the pair at its end.
+    """
+
+    rolls: tuple[Roll, ...]
+    contacts: tuple[Placement | None, ...]
+    pair: tuple[int, int]
+    lifted: int
+    margins: dict[str, float] = field(default_factory=dict)
+    pair_margins: dict[str, float] = field(default_factory=dict)
+
+    __repr__ = brief_repr
+
+
+def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: float, count: int) -> Roll:
+    """Return the roll of one finger along a great circle.
+
+    Args:
+        placement: where it touches.
+        toward: direction (3,) in object axes; the contact moves towards it along the great circle through both.
+        angle: how far the contact moves on the object [rad]; negative: away.
+        count: number of samples K.
+    """
+    finger = hand.fingers[placement.finger]
+    radius = float(np.linalg.norm(placement.point_O))
+    heading, way = np.sign(angle) * toward, [radius * abs(angle)]
+    path = roll_turning(finger.tip_radius, radius, placement.X_OF, heading, [0.0], way, count)
+    return as_roll(placement.finger, path)
+
+
+def as_roll(finger: int, path: RollingPath, leg: int | None = None) -> Roll:
+    """Return a path of pure rolling as the way of one finger: all of it, or one leg between two corners."""
+    samples = slice(None) if leg is None else slice(path.corners[leg], path.corners[leg + 1] + 1)
+    return Roll(finger, path.X_OF[samples], path.n_O[samples])
+
+
+def follow_roll(hand: HandModel, X_WO: Array, roll: Roll, q_start: Array) -> tuple[Array, str]:
+    """Return the postures along a roll, and why it cannot be done to its end ("" where it can).
+
+    ``X_WO`` (4, 4) or (K, 4, 4) is where the object is; the postures (L, J) stop with the last one that can be held.
+    """
+    description, limits = hand.fingers[roll.finger], hand.limits
+    chain, count = description.chain, roll.count
+    X_WF = X_WO @ roll.X_OF
+    lean = np.arccos(np.clip(-np.sum(roll.X_OF[:, :3, 2] * roll.normal_O, axis=1), -1.0, 1.0))
+    q = follow_tip(chain, X_WF, q_start)
+    while len(q) < count:
+        # Near a singular posture joints may turn faster than the tip's steps let expect: step by step they go on.
+        guess = 2.0 * q[-1] - q[-2] if len(q) > 1 else q[0]
+        solved, reached = solve_ik(chain, X_WF[len(q)][None], guess[None])
+        if not reached[0]:
+            break
+        q = np.vstack([q, wrap_near(solved[0], guess)])
+    leans = np.flatnonzero(lean[1 : len(q)] > hand.tip_polar_limit) + 1
+    stops = np.flatnonzero(compute_joint_margin(chain, q[1:]) < limits.joint_margin) + 1
+    swept = measure_rotation(trace_on_tip(roll))
+    rounds = np.flatnonzero(swept[1 : len(q)] > hand.tip_rotation_limit + ROUNDING) + 1
+    first = min((int(rows[0]) for rows in (leans, stops, rounds) if len(rows)), default=len(q))
+    if first in leans:
+        far, most = spell_apart(np.degrees(lean[first]), np.degrees(hand.tip_polar_limit), 0)
+        refusal = f"{description.name} would roll {far} deg off its tip's pole, and {most} deg are allowed"
+        return q[:first], refusal
+    if first in rounds:
+        return q[:first], describe_rotation(hand, roll.finger, float(swept[first]))
+    if first in stops:
+        return q[:first], f"{description.name} comes to a joint limit while it rolls"
+    if len(q) < count:
+        return q, f"{description.name} comes to the end of its workspace while it rolls"
+    return q, ""
+
+
+def end_placement(roll: Roll, placement: Placement, q: Array) -> Placement:
+    """Return where a finger touches after its roll."""
+    radius = float(np.linalg.norm(placement.point_O))
+    normal = roll.normal_O[-1]
+    return Placement(roll.finger, radius * normal, normal, roll.X_OF[-1], q)
+
+
+def judge_ways(
+    hand: HandModel, admissibility: Admissibility, X_WO: Array, ways: dict[int, Array], explain: bool = False
+) -> tuple[list[Margins], str]:
+    """Return the margins of holding the object at ``X_WO`` (4, 4) with all fingers of ``ways`` along their postures (K, J).
+
+    Stops at the first sample that is refused, with the refusal ("" where there is none); the end is asked first.  ``explain``:
+    a refusal for the load names what is short, which takes longer than the rest.
+    """
+    states = {i: compute_finger_states(hand, i, way) for i, way in ways.items()}
+    count = len(next(iter(ways.values())))
+    rows: list[Margins] = []
+    for k in (count - 1, *range(count - 1)):
+        q = hand.q_home
+        for finger, way in ways.items():
+            q[finger] = way[k]
+        here = {i: rows_i[k] for i, rows_i in states.items()}
+        rows.append(admissibility.compute_margins_of(here, q, X_WO, explain=explain))
+        if not rows[-1].is_admissible:
+            return rows, rows[-1].refusal
+    return rows, ""
+
+
+@dataclass(eq=False)
+class RollToPair:
+    """Looks for ways to roll three holding fingers so that two of them hold alone."""
+
+    hand: HandModel
+    X_WO: Array
+    contacts: tuple[Placement | None, ...]
+    admissibility: Admissibility
+    refusals: dict[str, int] = field(default_factory=dict)
+    _first_refused: dict[str, dict[int, Array]] = field(default_factory=dict)
+
+    def options(self) -> Iterator[RollPlan]:
+        """Yield admissible rolls, pairs in the order of their straight-line distance, the smallest opening first."""
+        touching = [c for c in self.contacts if c is not None]
+        pairs = sorted(combinations(touching, 2), key=lambda p: -_distance(*p))
+        for a, b in pairs:
+            for third in (c for c in touching if c is not a and c is not b):
+                yield from self._open(a, b, third)
+
+    def explain(self) -> str:
+        """Return the most common reasons why a way was refused."""
+        common = sorted(self.refusals, key=lambda text: (-self.refusals[text], text))[:2]
+        named = (
+            judge_ways(self.hand, self.admissibility, self.X_WO, self._first_refused[text], explain=True)[1]
+            if text in self._first_refused
+            else text
+            for text in common
+        )
+        return "; ".join(named) or "no pair of contacts can be opened far enough"
+
+    def _open(self, a: Placement, b: Placement, third: Placement) -> Iterator[RollPlan]:
+        limits = self.hand.limits
+        beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
+        now = float(np.arccos(np.clip(a.normal_O @ b.normal_O, -1.0, 1.0)))
+        first = max(np.pi - 2.0 * beta - now, 0.0)
+        openings = np.arange(first, min(first + WIDEST, np.pi - now), STEP).tolist()
+        # A pair that holds alone needs no opening, and exactly opposite contacts have none left.
+        for wider in openings or ([0.0] if first == 0.0 else []):
+            if (found := self.open_pair(a, b, third, wider)) is not None:
+                yield found
+
+    def open_pair(self, a: Placement, b: Placement, third: Placement, wider: float) -> RollPlan | None:
+        """Return how ``a`` and ``b`` roll apart by ``wider`` [rad] in all; None, and the refusals counted, where they cannot."""
+        # Whether the pair can roll and then holds alone does not depend on where the third finger goes meanwhile.
+        rolls, postures, refusal = self._roll_pair(a, b, wider)
+        if refusal:
+            self._refuse(refusal)
+            return None
+        for follow in FOLLOW:
+            found, refusal = self._try(rolls, postures, (a, b, third), float(np.radians(follow)))
+            if found is not None:
+                return found
+            if refusal:
+                self._refuse(refusal)
+        return None
+
+    def _judge(self, ways: dict[int, Array]) -> tuple[list[Margins], str]:
+        """Judge ways; note the first of every kind that is refused."""
+        rows, refusal = judge_ways(self.hand, self.admissibility, self.X_WO, ways)
+        if refusal:
+            self._first_refused.setdefault(refusal, ways)
+        return rows, refusal
+
+    def _refuse(self, refusal: str) -> None:
+        self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
+
+    def _roll_pair(
+        self, a: Placement, b: Placement, wider: float
+    ) -> tuple[list[Roll], dict[int, Array], str]:
+        """Return the rolls that open the pair by ``wider`` [rad], its postures (K, J) on the way, and why it fails ("")."""
+        count = max(16, int(np.ceil(0.5 * wider / STEP)) + 1)
+        rolls: list[Roll] = []
+        ways = {x.finger: np.repeat(x.q[None], count, axis=0) for x in (a, b)}
+        for x, y in ((a, b), (b, a)):
+            if wider > 0.0:
+                roll = build_roll(self.hand, x, -y.normal_O, 0.5 * wider, count)
+                ways[x.finger], refusal = follow_roll(self.hand, self.X_WO, roll, x.q)
+                if refusal:
+                    return rolls, ways, refusal
+                rolls.append(roll)
+        return rolls, ways, self._judge({finger: way[-1:] for finger, way in ways.items()})[1]
+
+    def _try(
+        self,
+        pair_rolls: list[Roll],
+        pair_ways: dict[int, Array],
+        fingers: tuple[Placement, Placement, Placement],
+        follow: float,
+    ) -> tuple[RollPlan | None, str]:
+        """Return the plan in which the pair rolls as given while the third finger rolls by ``follow`` [rad]; else why not."""
+        a, b, third = fingers
+        count = len(pair_ways[a.finger])
+        rolls, ways = list(pair_rolls), {**pair_ways, third.finger: np.repeat(third.q[None], count, axis=0)}
+        if follow != 0.0:
+            toward = -a.normal_O - b.normal_O
+            if np.linalg.norm(np.cross(toward, third.normal_O)) < 1e-9:
+                return (
+                    None,
+                    "",
+                )  # it stands opposite the other two already: there is no side to which it could follow
+            rolls.append(build_roll(self.hand, third, toward, follow, count))
+            ways[third.finger], refusal = follow_roll(self.hand, self.X_WO, rolls[-1], third.q)
+            if refusal:
+                return None, refusal
+        rows, refusal = self._judge(ways)
+        if refusal:
+            return None, refusal
+        contacts = list(self.contacts)
+        for roll in rolls:
+            before = contacts[roll.finger]
+            assert before is not None
+            contacts[roll.finger] = end_placement(roll, before, ways[roll.finger][-1])
+        pair, refusal = self._check_lift(tuple(contacts), (a.finger, b.finger), third.finger)
+        if pair is None:
+            return None, refusal
+        return (
+            RollPlan(
+                tuple(rolls), tuple(contacts), (a.finger, b.finger), third.finger, worst(rows), pair.as_dict()
+            ),
+            "",
+        )
+
+    def _check_lift(
+        self, contacts: tuple[Placement | None, ...], pair: tuple[int, int], lifted: int
+    ) -> tuple[Margins | None, str]:
+        """Return the margins of holding with the pair alone once the third finger has gone home; else why it cannot go."""
+        q = self.hand.q_home
+        for finger in pair:
+            placement = contacts[finger]
+            assert placement is not None
+            q[finger] = placement.q
+        held = self.admissibility.compute_margins(q, self.X_WO, tuple(sorted(pair)))
+        if not held.is_admissible:
+            return None, held.refusal
+        third, description = contacts[lifted], self.hand.fingers[lifted]
+        assert third is not None
+        hover = compute_hover(description, self.X_WO, third.X_OF, third.normal_O, third.q, self.hand.hover)
+        way = build_travel(description, description.q_home, hover, self.X_WO[:3, 3])
+        margin = float(compute_joint_margin(description.chain, refine(way)).min())
+        if margin < compute_travel_margin(self.hand, lifted):
+            return (
+                None,
+                f"{description.name} comes within {np.degrees(margin):.1f} deg of a joint limit when it leaves",
+            )
+        clearance, names = self.admissibility.compute_path_clearance(q, self.X_WO, lifted, way, pair)
+        if clearance < self.hand.limits.clearance:
+            return None, f"{names} too near when {description.name} leaves"
+        return held, ""
+
+
+def build_roll_actions(plan: RollPlan, hand: HandModel, X_WO: Array, axis_W: Array) -> tuple[Action, Action]:
+    """Return the actions of a roll plan: all fingers that touch hold while some roll, then the third one lifts."""
+    holding = tuple(i for i, c in enumerate(plan.contacts) if c is not None)
+    after = tuple(None if i == plan.lifted else c for i, c in enumerate(plan.contacts))
+    touch = tuple(MUST_NOT if c is None else MUST for c in plan.contacts)
+    i, j = (hand.fingers[f].name for f in plan.pair)
+    still: dict[str, Any] = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": axis_W, "angle": 0.0}
+    roll = Action(
+        kind="roll",
+        finger=None,
+        grasping=holding,
+        contacts_end=plan.contacts,
+        phases=(PlannedPhase("roll", touch),),
+        why=f"no two contacts are force closed; {i} and {j} roll apart until they are",
+        margins=plan.margins,
+        rolls=plan.rolls,
+        **still,
+    )
+    gone = tuple(MUST_NOT if k == plan.lifted else t for k, t in enumerate(touch))
+    leaving = tuple(MAY if k == plan.lifted else t for k, t in enumerate(touch))
+    lift = Action(
+        kind="lift",
+        finger=plan.lifted,
+        grasping=plan.pair,
+        contacts_end=after,
+        phases=(
+            PlannedPhase("unload", touch),
+            PlannedPhase("retreat", leaving),
+            PlannedPhase("travel", gone),
+        ),
+        why=f"{i} and {j} now hold alone",
+        margins=plan.pair_margins,
+        **still,
+    )
+    return roll, lift
+
+
+def _distance(a: Placement, b: Placement) -> float:
+    """Return the straight-line distance [m], rounded so that equal pairs stay in the fingers' order."""
+    return round(float(np.linalg.norm(a.point_O - b.point_O)), 9)

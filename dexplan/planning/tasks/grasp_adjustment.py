@@ -1,0 +1,149 @@
+"""Grasp adjustment: given contact points on the object, without regard for the object's pose [paper §1].
+
+"If the goal contact points are initially not within the workspaces of the fingers, first do an object manipulation to bring
+them to the workspaces.  Then use finger gaiting and rolling to reach the goal grasp."
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from itertools import islice
+from typing import Literal
+
+import numpy as np
+
+from dexplan.plan.goal import RotationGoal
+from dexplan.plan.motion import ObjectMotion, rest_at
+from dexplan.plan.plan import Plan
+from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
+from dexplan.planning.actions.joining import Contacts
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.gait.cost import Improvement
+from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
+from dexplan.planning.tasks.object_manipulation import FIRST, Start
+from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Outcome, scale_work
+from dexplan.planning.tasks.reorient import Turns
+from dexplan.planning.tasks.stages import Stages
+from dexplan.spatial import VERTICAL, Array
+
+KIND = "grasp_adjustment"
+TURNS = 8
+"""Turns of the object that are tried before the goal is given up."""
+WORK = 900
+"""Work, as :class:`Stages` counts it, after which no further turn is tried."""
+
+
+def plan_grasp_adjustment(
+    hand: HandModel,
+    X_WO: Array,
+    start: Start,
+    goal: GoalContacts,
+    node_budget: int,
+    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    keep_object: bool = False,
+    improvement: Improvement = FIRST,
+) -> Plan:
+    """Return a plan after which every finger touches at its goal contact.
+
+    The object stays at ``X_WO`` (4, 4) if that is possible; else it is turned by one of the turns that help, and, with
+    ``keep_object``, brought back by the goal grasp.  ``improvement`` says how long other turns are tried then for a plan that
+    costs less.  No plan is an answer with a status: ``goal_contacts_unreachable``, ``goal_grasp_inadmissible``,
+    ``no_adjustment`` where everything was tried, ``budget_exhausted`` where the search gave up before, or one of those that
+    refuse a start.
+    """
+    stages = Stages(hand, X_WO, start, goal, node_budget, primitives, improvement)
+    stay = RotationGoal(X_WO, VERTICAL, 0.0)
+    if stages.start_refusal:
+        return stages.refuse(KIND, stay, stages.hold.status, stages.hold.reason)
+    status, reason = refuse_goal_contacts(hand, goal)
+    if status:
+        return stages.refuse(KIND, stay, status, reason)
+    contacts, missing = stages.land_goal(X_WO)
+    refusal = "" if missing else stages.refuse_goal(X_WO, contacts)
+    staying: Outcome | None = None
+    if not missing and not refusal:
+        staying = stages.run(rest_at(X_WO), rest_at(X_WO))
+        if staying.is_found:
+            return stages.build_plan(KIND, stay, staying.actions, staying.start)
+    elif keep_object:
+        if missing:
+            return stages.refuse(
+                KIND,
+                stay,
+                "goal_contacts_unreachable",
+                f"{missing} cannot reach the goal contact with the object where it is, and goal.keep_object wants it there; "
+                "move the contact towards the finger, or set goal.keep_object = false",
+            )
+        return stages.refuse(
+            KIND,
+            stay,
+            "goal_grasp_inadmissible",
+            f"the goal contacts cannot hold the object where it is ({refusal}), and goal.keep_object wants it there; "
+            f"{suggest_cure(refusal)}, or set goal.keep_object = false",
+        )
+    turns = Turns(stages)
+    may_end = partial(_can_return, stages) if keep_object else None
+    most = scale_work(TURNS, node_budget)
+    chosen = list(islice(turns.choose(may_end), most + 1))
+    is_more, chosen = len(chosen) > most, chosen[:most]
+    ways = []
+    for turn in chosen:
+        motion = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
+        there = motion.X_WO_end
+        back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
+        ways.append((motion, back))
+    done = stages.run_all(ways, PASSES, WORK, is_attitude=True, is_simultaneous=False)
+    if done.number is not None:
+        there = ways[done.number][0].X_WO_end
+        goal_pose = stay if keep_object else RotationGoal.from_attitude(X_WO, there[:3, :3])
+        return stages.build_plan(KIND, goal_pose, done.actions, done.start)
+    keep = ", or set goal.keep_object = false" if keep_object else ""
+    if chosen:
+        gave_up = done.gave_up or is_more or (staying is not None and staying.gave_up)
+        tried = _describe_tried(done.tried, len(chosen), is_more)
+        # What stopped it where the object is says more than what did elsewhere.
+        done = replace(staying or done, gave_up=gave_up, ran_out=done.ran_out or is_more)
+        status = GAVE_UP if gave_up else "no_adjustment"
+        return stages.refuse(KIND, stay, status, stages.explain_end(done, tried) + keep)
+    if staying is not None:
+        nowhere = ": there is no other attitude in which the goal contacts lie within reach and hold" + (
+            ", and from which they carry the object back" if keep_object else ""
+        )
+        status = GAVE_UP if staying.gave_up else "no_adjustment"
+        return stages.refuse(KIND, stay, status, stages.explain_end(staying) + keep + nowhere)
+    if turns.fault:
+        return stages.refuse(
+            KIND,
+            stay,
+            "goal_grasp_inadmissible",
+            f"the goal contacts cannot hold the object in any of {turns.refused} attitudes that bring them within reach "
+            f"({turns.fault}); {suggest_cure(turns.fault)}",
+        )
+    alone = turns.missing
+    return stages.refuse(
+        KIND,
+        stay,
+        "goal_contacts_unreachable",
+        f"in no attitude of the object can {alone} reach the goal contact; move the object's home nearer to the hand"
+        if alone
+        else "every finger reaches its goal contact in some attitude of the object, but in none do all of them at once; keep the "
+        "fingers' clockwise order and the angles between them, and move the contacts towards where the fingers stand",
+    )
+
+
+def _can_return(stages: Stages, X_WO: Array, contacts: Contacts) -> bool:
+    """Return whether the goal contacts can carry the object from ``X_WO`` (4, 4) back to where it starts."""
+    turn = RotationGoal.from_attitude(X_WO, stages.X_WO[:3, :3])
+    back = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
+    held = tuple(None if c is None else center_spin(stages.hand, c, back) for c in contacts)
+    return not plan_coordinated(stages.hand, stages.admissibility, held, back, "")[1]
+
+
+def _describe_tried(tried: int, chosen: int, is_more: bool) -> str:
+    """Return in how many attitudes the grasp was to be adjusted, in words."""
+    attitudes = "attitude" if chosen == 1 else "attitudes"
+    count = f"all {chosen}" if tried == chosen and not is_more and chosen > 1 else f"{tried} of {chosen}"
+    which = "the one attitude" if tried == chosen == 1 and not is_more else f"{count} {attitudes}"
+    others = "; there are more such attitudes" if is_more else ""
+    return f"tried in {which} in which the goal contacts lie within reach{others}"

@@ -1,0 +1,400 @@
+"""From a goal to a plan: reads the start, tries route after route, and says in words why where there is no plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from dexplan.errors import spell_apart
+from dexplan.kinematics.spherical_wrist import solve_standing
+from dexplan.plan.goal import RotationGoal
+from dexplan.plan.plan import SOLVED, Action, Placement, Plan
+from dexplan.planning.actions.gaits import build_actions
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.conditions import Condition
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.admissible.separation import compute_pair_angle_max
+from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.gait.cost import Improvement
+from dexplan.planning.gait.escape import ENOUGH, count_room, find_escapes
+from dexplan.planning.gait.held import Held
+from dexplan.planning.gait.legs import Leg
+from dexplan.planning.gait.routes import build_detours, build_routes, list_swings
+from dexplan.planning.gait.search import CURE, GaitSearch, Node
+from dexplan.planning.gait.start_pairs import explain_unreachable
+from dexplan.planning.tasks.blocked import StartContact, explain_start_contact, may_hold_at
+from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
+
+Start = tuple[StartContact | None, ...] | None
+"""Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
+the placement with which it came to where it stands now, or None for a free finger.  None instead of the tuple where the planner
+may choose."""
+
+STRETCH = 4
+"""Nodes that the search of a route may open before another may have its turn."""
+ROUTE_COST = 12.0
+"""The next route is tried whenever so many more nodes have been opened."""
+SPENT = 0.1
+"""What every node opened on a route takes from its promise, in placements."""
+DOUBT = 24
+"""Nodes that may be opened although no pair of contacts of a grid holds the object at its goal."""
+START_CLOSURE = float(np.radians(1.0))
+"""Angle that a pair to start from keeps to the border of the believed friction cones [rad]; pairs that are chosen keep more."""
+FIRST = Improvement()
+"""The first plan is good enough."""
+
+
+def refuse(
+    hand: HandModel,
+    goal: RotationGoal,
+    status: str,
+    reason: str,
+    contacts: tuple[Placement | None, ...] | None = None,
+) -> Plan:
+    """Return the plan that says why there is none."""
+    nothing: tuple[Placement | None, ...] = (None,) * len(hand.fingers)
+    return _answer(hand, goal, status, reason, contacts or nothing, (), {})
+
+
+def _answer(
+    hand: HandModel,
+    goal: RotationGoal,
+    status: str,
+    reason: str,
+    contacts: tuple[Placement | None, ...],
+    actions: tuple[Action, ...],
+    statistics: dict[str, float],
+) -> Plan:
+    return Plan(
+        status=status,
+        reason=reason,
+        fingers=tuple(f.name for f in hand.fingers),
+        goal_kind="object_manipulation",
+        X_WO_start=goal.X_WO_start,
+        X_WO_goal=goal.X_WO_goal,
+        axis_W=goal.axis_W,
+        turned_angle=None if goal.is_attitude else goal.angle,
+        start_contacts=contacts,
+        actions=actions,
+        normal_force=hand.normal_force,
+        normal_floor=hand.limits.normal_floor,
+        normal_ceiling=hand.limits.normal_ceiling,
+        statistics=statistics,
+    )
+
+
+def plan_rotation(
+    hand: HandModel,
+    goal: RotationGoal,
+    start: Start,
+    node_budget: int,
+    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    improvement: Improvement = FIRST,
+) -> Plan:
+    """Return a plan that takes the object to ``goal`` by finger gaiting.
+
+    ``primitives``: the gaits that may be used; "rewind" alone moves the object with one pair of fingers only.  ``improvement``:
+    how long better plans are looked for once there is one, within the ``node_budget``.  No plan is an answer with a status, not
+    an exception.
+    """
+    return _Planning(hand, goal, start, node_budget, primitives, improvement).answer()
+
+
+def plan_rotations(
+    hand: HandModel,
+    goal: RotationGoal,
+    start: Start,
+    node_budget: int,
+    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+) -> Iterator[Plan]:
+    """Yield plans as :func:`plan_rotation` finds them, one after another: they end in different grasps.
+
+    Where there is none, the one plan that is yielded says why.
+    """
+    yield from _Planning(hand, goal, start, node_budget, primitives, FIRST).answers()
+
+
+@dataclass(eq=False)
+class _Planning:
+    """One goal on its way to a plan: the routes, a search for each that was begun, and what was refused."""
+
+    hand: HandModel
+    goal: RotationGoal
+    start: Start
+    node_budget: int
+    primitives: tuple[Literal["substitution", "rewind"], ...]
+    improvement: Improvement
+    contacts: tuple[Placement | None, ...] = ()
+    searches: list[GaitSearch] = field(default_factory=list)
+    costs: list[float] = field(default_factory=list)
+    is_complete: bool = False
+    """Whether every route was begun, and none of the searches has anything left to try."""
+
+    refusal: str = ""
+    """Why no pair of contacts of a grid holds the object at its goal."""
+
+    def __post_init__(self) -> None:
+        self._admissibility = Admissibility(self.hand)
+        self.contacts = (None,) * len(self.hand.fingers)
+
+    @property
+    def statistics(self) -> dict[str, float]:
+        """Nodes opened, states checked, routes begun, plans found, and what the first and the best of them cost."""
+        found = (
+            {"plans": len(self.costs), "first_cost": self.costs[0], "cost": min(self.costs)}
+            if self.costs
+            else {}
+        )
+        return {
+            **found,
+            "nodes": sum(s.opened for s in self.searches),
+            "states_checked": sum(s.states_checked for s in self.searches),
+            "routes": len(self.searches),
+        }
+
+    def answer(self) -> Plan:
+        """Return the plan."""
+        refusal = self._begin_all()
+        if refusal is not None:
+            return refusal
+        best: tuple[float, Plan] | None = None
+        for search, node in self._find_ways():
+            self.costs.append(search.compute_cost(node, self.improvement.weights))
+            if best is None:
+                until = int((1.0 + self.improvement.share) * self.statistics["nodes"])
+                self.node_budget = min(self.node_budget, until)
+            if best is None or self.costs[-1] < best[0]:
+                # Built at once: nodes are shared with ways found later, which leave their own margins behind.
+                best = self.costs[-1], self._build(search, node)
+            for begun in self.searches:
+                begun.seek_cheaper(best[0], self.improvement.weights)
+        return self._explain_failure() if best is None else replace(best[1], statistics=self.statistics)
+
+    def answers(self) -> Iterator[Plan]:
+        """Yield plan after plan as they are found, or the one that says why there is none."""
+        refusal = self._begin_all()
+        if refusal is not None:
+            yield refusal
+            return
+        found = False
+        for search, node in self._find_ways():
+            found = True
+            yield self._build(search, node)
+        if not found:
+            yield self._explain_failure()
+
+    def _begin_all(self) -> Plan | None:
+        """Begin with the first route, or return the refusal of goal or start."""
+        if refusal := self._check_goal():
+            if not may_hold_at(self.hand, self.goal, self.start):
+                return self._refuse("goal_unreachable", refusal)
+            # The grid of contacts that this was asked of is fine, not endless: the start grasp may be what holds there.
+            self.refusal = refusal
+            self.node_budget = min(self.node_budget, DOUBT)
+        first = GaitSearch(self.hand, build_routes(self.goal)[0], self._admissibility, self.primitives)
+        self.searches.append(first)
+        return self._begin_first(first)
+
+    def _find_ways(self) -> Iterator[tuple[GaitSearch, Node]]:
+        """Yield ways to the goal, each as its search and last node, until the budget is spent."""
+        proposals = self._propose(self.searches[0].tables[0])
+        while (left := self.node_budget - int(self.statistics["nodes"])) > 0:
+            search = self._choose_search(proposals)
+            if search is None:
+                self.is_complete = True
+                return
+            if (node := search.run(min(STRETCH, left))) is not None:
+                yield search, node
+
+    def _explain_failure(self) -> Plan:
+        """Return the plan that says why no way was found."""
+        first = self.searches[0]
+        table = first.tables[0]
+        if self.refusal:
+            return self._refuse("goal_unreachable", self.refusal)
+        if self.is_complete:
+            if self.start is not None and not table.has_pair(self._find_held(table)):
+                return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
+            return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first)}")
+        return self._refuse(
+            "budget_exhausted",
+            f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget",
+        )
+
+    def _suggest_cure(self, search: GaitSearch) -> str:
+        """Return what might help against the commonest reasons not to go on; none of it was tried."""
+        cures = [str(c) for c in dict.fromkeys(search.unmet) if c is not Condition.FRICTION]
+        if self.hand.object.allowed_regions:
+            cures.insert(0, Condition.ALLOWED.value)
+        if not cures or Condition.FRICTION in search.unmet:
+            cures.append(CURE)
+        return f"what may help: {', or '.join(cures)}"
+
+    def _refuse(self, status: str, reason: str) -> Plan:
+        return _answer(self.hand, self.goal, status, reason, self.contacts, (), self.statistics)
+
+    def _build(self, search: GaitSearch, node: Node) -> Plan:
+        steps = search.steps(node)
+        first: list[Placement | None] = [None] * len(self.hand.fingers)
+        for placement in steps[0].contacts:
+            first[placement.finger] = placement
+        actions = build_actions(steps, tuple(first), self.goal.axis_W)
+        return _answer(self.hand, self.goal, SOLVED, "", tuple(first), actions, self.statistics)
+
+    # -- goal and routes -------------------------------------------------------------------------------------------------
+
+    def _check_goal(self) -> str:
+        """Return why the object cannot be held at a shifted goal by any pair of fingers; "" if it can, or is not shifted."""
+        if not np.any(self.goal.shift_W):
+            return ""
+        why = explain_no_pair(self.hand, self.goal.X_WO_goal, self._admissibility)
+        where = "the goal, ({:.1f}, {:.1f}, {:.1f}) mm from its start".format(*(1e3 * self.goal.shift_W))
+        return why and f"no two fingers can hold the object at {where}: {why}; shorten goal.translation_m"
+
+    def _propose(self, table: ContactTable) -> Iterator[tuple[Leg, ...]]:
+        """Yield all routes but the first: those of the goal, and those on which the pair first turns to where there is room.
+
+        ``table`` is that of the first route's first leg.
+        """
+        swings = list_swings(self.hand.p_WF_home) if self.goal.is_attitude else ()
+        straight = build_routes(self.goal, swings)[1:]
+        held = () if self.start is None else self._find_held(table)
+        if len(held) != 2:
+            yield from straight
+            return
+        pair = (held[0], held[1])
+        room = count_room(table, pair)
+        is_stuck = not room
+        if not is_stuck:
+            yield from straight
+        if room >= ENOUGH:
+            return
+        detours = [build_detours(self.goal, e.axis_W, e.angle) for e in find_escapes(table, pair)]
+        yield from (ways[0] for ways in detours)
+        if is_stuck:
+            yield from straight
+        yield from (way for ways in detours for way in ways[1:])
+
+    def _choose_search(self, proposals: Iterator[tuple[Leg, ...]]) -> GaitSearch | None:
+        """Return the search to go on with, None where all are exhausted; begins that of the next route when it is time.
+
+        Of those begun, the one that promises the goal at the least cost, what was spent on it counted.
+        """
+        going = [s for s in self.searches if not s.is_exhausted]
+        # A turn about a given axis is asked for as such: other ways are for where it cannot be begun.
+        is_time = self.goal.is_attitude and len(self.searches) <= self.statistics["nodes"] / ROUTE_COST
+        if is_time or not going:
+            for route in proposals:
+                self.searches.append(self._begin(route))
+                if not self.searches[-1].is_exhausted:
+                    return self.searches[-1]
+        return min(going, key=lambda s: s.promise + SPENT * s.opened, default=None)
+
+    def _begin(self, route: tuple[Leg, ...]) -> GaitSearch:
+        search = GaitSearch(self.hand, route, self._admissibility, self.primitives)
+        if self.start is None:
+            search.begin_anywhere()
+        elif held := self._find_held(search.tables[0]):
+            search.begin(held)
+        if self.costs:
+            search.seek_cheaper(min(self.costs), self.improvement.weights)
+        return search
+
+    # -- start -----------------------------------------------------------------------------------------------------------
+
+    def _contact(self, table: ContactTable, finger: int) -> Held | None:
+        assert self.start is not None
+        given = self.start[finger]
+        assert given is not None
+        if isinstance(given, Placement):
+            # It stands on the branch on which it landed: on its way it has turned nothing over.
+            X_WF = self.goal.X_WO_start @ given.X_OF
+            return table.start_at(
+                finger, X_WF, solve_standing(self.hand.fingers[finger].chain, X_WF, given.q)
+            )
+        if given.shape == (4, 4):
+            return table.start_at(finger, self.goal.X_WO_start @ given)
+        return table.start_along(finger, given)
+
+    def _find_held(self, table: ContactTable) -> tuple[Held, ...]:
+        """Return the start contacts on the first leg of a route; none where one of them is out of reach."""
+        assert self.start is not None
+        fingers = [i for i, given in enumerate(self.start) if given is not None]
+        held = [self._contact(table, i) for i in fingers]
+        return tuple(h for h in held if h is not None) if all(held) else ()
+
+    def _begin_first(self, search: GaitSearch) -> Plan | None:
+        """Begin the first route, or return the refusal of the start."""
+        table = search.tables[0]
+        if self.start is None:
+            return None if search.begin_anywhere() else self._begin_off_the_orbits(search)
+        held: list[Held] = []
+        for finger, given in enumerate(self.start):
+            if given is None:
+                continue
+            contact = self._contact(table, finger)
+            if contact is None:
+                return self._refuse(*explain_start_contact(self.hand, self.goal.X_WO_start, finger, given))
+            if not table.allows(table.normal(contact), 0):
+                return self._refuse(
+                    "start_not_allowed",
+                    f"the start contact of {self.hand.fingers[finger].name} lies outside object.allowed_regions; move it inside, "
+                    'or set start.contacts_deg = "auto"',
+                )
+            held.append(contact)
+        placed: list[Placement | None] = [None] * len(self.hand.fingers)
+        for h in held:
+            placed[h.finger] = table.placement(h, 0)
+        self.contacts = tuple(placed)
+        margins = search.judge_start(tuple(held))
+        refusal = margins.refusal
+        if margins.unmet is Condition.STANDING:
+            return self._refuse(
+                "blocked", f"{refusal} at the start; {margins.unmet}, or choose other start contacts"
+            )
+        spare = compute_pair_angle_max(self.hand.friction) - table.pair_angle(tuple(held))
+        if not refusal and len(held) == 2 and spare < START_CLOSURE:
+            refusal = "they are force closed with {} deg to spare, {} are kept".format(
+                *spell_apart(np.degrees(spare), np.degrees(START_CLOSURE))
+            )
+        if refusal and (len(held) < 3 or table.has_pair(tuple(held))):
+            # Two contacts have to hold alone; of three that do not, rolling may make two that do.
+            apart, cure = "", f"move them nearer to opposite, or {CURE}"
+            if not table.has_pair(tuple(held)):
+                apart = f", and two contacts alone have to be {table.needed_angle()}"
+            elif margins.unmet not in (None, Condition.FRICTION):
+                cure = f"choose other start contacts; what may help: {margins.unmet}"
+            return self._refuse(
+                "start_inadmissible", f"the start contacts do not hold the object: {refusal}{apart}; {cure}"
+            )
+        if refusal:
+            return self._refuse("no_admissible_pair", self._explain_pair(table, refusal))
+        search.begin(tuple(held))
+        return None
+
+    def _begin_off_the_orbits(self, search: GaitSearch) -> Plan | None:
+        """Begin with a pair of a finer grid where none of the orbits' holds, or return the refusal that says why none does."""
+        if why := explain_unreachable(search.tables[0]):
+            return self._refuse("start_unreachable", why)
+        survey = PairSurvey(self.hand, self.goal.X_WO_start, self._admissibility)
+        found = survey.find_pair()
+        if found is None:
+            return self._refuse(
+                "no_force_closure_pair", f"no two fingers can hold the object: {survey.explain()}"
+            )
+        i, j, v, w = found
+        held = [search.tables[0].start_along(f, survey.get_normal(k)) for f, k in ((i, v), (j, w))]
+        if all(held):
+            search.begin(tuple(h for h in held if h is not None))
+        return None
+
+    def _explain_pair(self, table: ContactTable, refusal: str) -> str:
+        known = f" ({refusal})" if refusal else ""
+        return (
+            f"no two of the start contacts are {table.needed_angle()}, so no finger can be lifted, and the goal lies beyond "
+            f"what this grasp can do alone{known}; the plan would have to begin with rolling; "
+            f"move two contacts apart, or {CURE}"
+        )

@@ -1,0 +1,230 @@
+"""Steps the world under the controller and records what happened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dexplan.control.controller import Command, Controller
+from dexplan.control.observation import Observation
+from dexplan.control.options import ControlOptions
+from dexplan.control.reference import Reference
+from dexplan.kinematics.chain import solve_ik
+from dexplan.scene.scene import Scene
+from dexplan.scene.touch import Touches, compute_static_normal_force, read_touches
+from dexplan.sim.machine import describe_machine, describe_versions
+from dexplan.sim.trace import Trace
+from dexplan.spatial import Array, as_pose7, make_pose
+
+START_DEPTH = 5e-5
+"""How deep the tips stand in the object at the start [m]: about what their first newtons make of a touch."""
+PACKAGES = ("dexplan", "mujoco", "mink", "daqp", "osqp", "numpy", "scipy")
+"""Whose versions a record names."""
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+def rollout(
+    scene: Scene,
+    reference: Reference,
+    options: ControlOptions,
+    *,
+    world: Scene | None = None,
+    X_WO_start: Array | None = None,
+    meta: Mapping[str, Any] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Trace:
+    """Run ``reference`` on ``scene`` and return the trace; a run that fails returns the trace so far.
+
+    ``scene`` is what the controller believes; ``world`` what is true, where that differs (friction, mass, sizes).
+    ``X_WO_start`` (4, 4) is the object's true pose at the start (default: its home); ``progress`` is called with the share
+    done.  A failure (object lost, finger that finds nothing) stands in the trace's ``meta["failure"]``.  An exception that cuts
+    the run short, Ctrl-C included, goes on with the trace so far as its attribute ``trace``.
+    """
+    believed, scene = scene, world or scene
+    model = scene.model
+    steps = round(options.tick / model.opt.timestep)
+    if steps < 1 or abs(steps * model.opt.timestep - options.tick) > 1e-9:
+        raise ValueError(
+            f"{options.rate:g} ticks per second do not last a whole number of physics steps of {model.opt.timestep:g} s"
+        )
+    data, probe = mujoco.MjData(model), mujoco.MjData(model)
+    X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
+    _set_start(scene, believed, reference, options, X_WO, data)
+    size = mujoco.mj_stateSize(model, STATE)
+    state = np.zeros(size)
+    mujoco.mj_getState(model, data, state, STATE)
+    initial_state = state.copy()
+    controller = Controller(believed, reference, options)
+    rows: dict[str, list[Any]] = {name: [] for name in _COLUMNS}
+    planned = max(reference.duration, options.tick)
+    failure: str | None = None
+
+    def as_trace(failure: str | None) -> Trace:
+        # Cut short in the middle of a sample, some columns are one longer than others.
+        count = min(map(len, rows.values()))
+        columns = {name: np.array(values[:count]) for name, values in rows.items()}
+        columns["object_pose_reference"] = as_pose7(columns["object_pose_reference"])
+        columns["initial_state"] = initial_state
+        columns["physics_steps_per_sample"] = np.array(steps)
+        made_by = {"versions": describe_versions(*PACKAGES), "machine": describe_machine()}
+        return Trace(scene.xml, columns, {**(meta or {}), "failure": failure, **made_by})
+
+    try:
+        for _ in range(int(3.0 * planned / options.tick) + 500):
+            command = controller.step(_observe(scene, data))
+            data.ctrl[:] = command.ctrl
+            mujoco.mj_getState(model, data, state, STATE)
+            mujoco.mj_setState(model, probe, state, STATE)
+            probe.ctrl[:] = command.ctrl
+            mujoco.mj_forward(model, probe)
+            _record(rows, scene, data, command, read_touches(scene, probe))
+            failure = command.failure or _find_failure(scene, data, command.X_WO_ref)
+            if command.is_done or failure:
+                break
+            mujoco.mj_step(model, data, nstep=steps)
+            if progress is not None:
+                progress(min(1.0, data.time / planned))
+    except BaseException as error:
+        if rows["ik_at_limit"]:
+            what = "interrupted" if isinstance(error, KeyboardInterrupt) else type(error).__name__
+            error.trace = as_trace(f"cut short: {what}")  # type: ignore[attr-defined]
+        raise
+    return as_trace(failure)
+
+
+FALLEN = 0.05
+"""An object so far under its reference [m] was dropped."""
+_COLUMNS = (
+    "time",
+    "qpos",
+    "qvel",
+    "ctrl",
+    "object_pose_reference",
+    "action_index",
+    "phase_index",
+    "contact_active",
+    "contact_point_O",
+    "contact_rotation_O",
+    "contact_force",
+    "contact_force_reference",
+    "contact_slip_velocity",
+    "tip_contact_angle",
+    "qp_status",
+    "qp_wrench_residual",
+    "tip_tracking_error",
+    "ik_at_limit",
+)
+
+
+def _set_start(
+    scene: Scene,
+    believed: Scene,
+    reference: Reference,
+    options: ControlOptions,
+    X_WO: Array,
+    data: mujoco.MjData,
+) -> None:
+    """Put the tips in contact where the reference starts, as deep as the first wanted forces press them; others at home.
+
+    The world starts at rest; a tip that starts too shallow would fall into the object and drag it along.  Contacts are stated by
+    direction: where the true object or tips have another size than the ``believed`` ones, the tips touch the true object.
+    """
+    touching = [i for i, start in enumerate(reference.start) if start is not None]
+    depth = np.full(scene.n_fingers, START_DEPTH)
+    for _ in range(4):
+        data.qpos[:] = scene.as_qpos(_start_posture(scene, believed, reference, X_WO, depth), X_WO)
+        mujoco.mj_forward(scene.model, data)
+        wanted = Controller(believed, reference, options).step(_observe(scene, data)).forces_W
+        surface_normals = {i: _inward_normal(scene, data, i) for i in touching}
+        for i in touching:
+            static = compute_static_normal_force(scene, data, i)
+            if static > 0.0 and np.isfinite(wanted[i]).all():
+                depth[i] *= float(surface_normals[i] @ wanted[i, :3]) / static
+    data.qpos[:] = scene.as_qpos(_start_posture(scene, believed, reference, X_WO, depth), X_WO)
+    mujoco.mj_forward(scene.model, data)
+
+
+def _inward_normal(scene: Scene, data: mujoco.MjData, finger: int) -> Array:
+    """Return the inward normal (3,) at the finger's contact in W: for convex tips, from the tip's centre to the nearest point."""
+    offset = data.xpos[scene.object_body] - data.geom_xpos[scene.tip_geoms[finger]]
+    return offset / np.linalg.norm(offset)
+
+
+def _start_posture(scene: Scene, believed: Scene, reference: Reference, X_WO: Array, depth: Array) -> Array:
+    """Return joint angles (F, J) with the tips ``depth`` (F,) [m] in the object where the reference starts, others at home."""
+    posture = []
+    rows = zip(scene.fingers, believed.fingers, reference.start, depth, strict=True)
+    for finger, imagined, start, d in rows:
+        q = finger.q_home
+        if start is not None:
+            X = start[0].copy()
+            away = scene.object.surface.radial(X[:3, 3]) - believed.object.surface.radial(X[:3, 3])
+            outward = X[:3, 3] / np.linalg.norm(X[:3, 3])
+            farther = float(outward @ away) + finger.tip_radius - imagined.tip_radius
+            X[:3, 3] *= 1.0 - (d - farther) / np.linalg.norm(X[:3, 3])
+            solved, _ = solve_ik(finger.chain, (X_WO @ X)[None], start[1][None])
+            q = solved[0]
+        posture.append(q)
+    return np.stack(posture)
+
+
+def _observe(scene: Scene, data: mujoco.MjData) -> Observation:
+    # The free joint's qpos, not xpos: derived quantities of the last sub-step are one step old.
+    address = scene.object_qpos
+    R = np.empty(9)
+    mujoco.mju_quat2Mat(R, data.qpos[address + 3 : address + 7])
+    X_WO = make_pose(R.reshape(3, 3), data.qpos[address : address + 3])
+    touched: set[int] = set()
+    if data.ncon:
+        for (a, b), distance in zip(data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True):
+            if distance < 0.0 and scene.object_geom in (a, b):
+                touched.add(b if a == scene.object_geom else a)
+    touching = np.array([tip in touched for tip in scene.tip_geoms.tolist()])
+    return Observation(data.time, data.qpos[scene.joint_qpos], data.qvel[scene.joint_dof], X_WO, touching)
+
+
+def _record(
+    rows: dict[str, list[Any]], scene: Scene, data: mujoco.MjData, command: Command, touches: Touches
+) -> None:
+    reference = np.full((scene.n_fingers, 4), np.nan)
+    flat = np.empty(9)
+    mujoco.mju_quat2Mat(flat, data.qpos[scene.object_qpos + 3 : scene.object_qpos + 7])
+    R_WO = flat.reshape(3, 3)
+    for i in np.flatnonzero(touches.active):
+        R_WC = R_WO @ touches.rotation_O[i]
+        reference[i, :3] = R_WC.T @ command.forces_W[i, :3]
+        reference[i, 3] = command.forces_W[i, 3]
+    values = {
+        "time": data.time,
+        "qpos": data.qpos.copy(),
+        "qvel": data.qvel.copy(),
+        "ctrl": command.ctrl,
+        "object_pose_reference": command.X_WO_ref,
+        "action_index": command.action_index,
+        "phase_index": command.phase_index,
+        "contact_active": touches.active,
+        "contact_point_O": touches.point_O,
+        "contact_rotation_O": touches.rotation_O,
+        "contact_force": touches.force,
+        "contact_force_reference": reference,
+        "contact_slip_velocity": touches.slip_velocity,
+        "tip_contact_angle": touches.pole_angle,
+        "qp_status": 0 if command.qp is None or command.qp.is_solved else 1,
+        "qp_wrench_residual": 0.0 if command.qp is None else float(np.abs(command.qp.wrench_residual).max()),
+        "tip_tracking_error": command.tip_error,
+        "ik_at_limit": command.ik_at_limit,
+    }
+    for name, value in values.items():
+        rows[name].append(value)
+
+
+def _find_failure(scene: Scene, data: mujoco.MjData, X_WO_ref: Array) -> str | None:
+    height = data.qpos[scene.object_qpos + 2]
+    if not np.isfinite(data.qpos).all():
+        return "the simulation diverged"
+    if height < X_WO_ref[2, 3] - FALLEN:
+        return "the object was dropped"
+    return None
