@@ -18,8 +18,8 @@ from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
 from dexplan.kinematics.finger import FingerDescription
 from dexplan.plan.motion import ObjectMotion
 from dexplan.plan.plan import Action, Placement, Plan
-from dexplan.plan.roll import Roll
 from dexplan.plan.speed import PACES
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.actions.overlap import TRAVEL, build_journey
 from dexplan.spatial import Array, read_only, rotate_about, rotation_matrix
 
@@ -155,7 +155,7 @@ class Phase:
     gap_end: float = 0.0
     ends_on_touch: bool = False
     pace: str = ""
-    rolls: Mapping[int, Roll] = field(default_factory=dict)
+    rolls: Mapping[int, TipRoll] = field(default_factory=dict)
 
     __repr__ = brief_repr
 

@@ -17,8 +17,8 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.plan.poses import read_pose, write_pose
-from dexplan.plan.roll import Roll
 from dexplan.plan.speed import PlannedSpeed
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.spatial import Array, read_only
 
 FORMAT = 1
@@ -111,7 +111,7 @@ class Action:
     limiting_finger: int | None = None
     limit: str | None = None
     margins: Mapping[str, float] = field(default_factory=dict)
-    rolls: tuple[Roll, ...] = ()
+    rolls: tuple[TipRoll, ...] = ()
     way: Array | None = None
 
     __repr__ = brief_repr
@@ -295,7 +295,7 @@ class Plan:
                 limit=a["limit"],
                 margins=a["margins"],
                 rolls=tuple(
-                    Roll(index[r["finger"]], np.stack([read_pose(X) for X in r["X_OF"]]), r["normal_O"])
+                    TipRoll(index[r["finger"]], np.stack([read_pose(X) for X in r["X_OF"]]), r["normal_O"])
                     for r in a.get("rolls", ())
                 ),
                 way=None if a.get("way") is None else np.array(a["way"], dtype=np.float64),

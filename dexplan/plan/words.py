@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dexplan.plan.plan import Action, Placement, Plan
-from dexplan.plan.roll import Roll
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.spatial import angles_from_direction
 
 
@@ -68,6 +68,6 @@ def _describe_motion(a: Action) -> str:
     return f"{turn} and shift it by {way}" if a.angle else f"shift the object by {way}"
 
 
-def _describe_roll(plan: Plan, roll: Roll) -> str:
+def _describe_roll(plan: Plan, roll: TipRoll) -> str:
     way = np.degrees(np.arccos(np.clip(roll.normal_O[0] @ roll.normal_O[-1], -1.0, 1.0)))
     return f"{plan.fingers[roll.finger]} over {way:.1f} deg of the object"

@@ -18,7 +18,7 @@ from dexplan.brief import brief_repr
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.errors import DexplanError
 from dexplan.plan.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
-from dexplan.plan.roll import Roll
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.tip_rotation import refuse_rotation
@@ -113,7 +113,7 @@ class Stand:
         assert start is not None
         return start
 
-    def plan_roll(self, legs: Sequence[Roll]) -> tuple[Plan | None, str]:
+    def plan_roll(self, legs: Sequence[TipRoll]) -> tuple[Plan | None, str]:
         """Return the plan that holds, rolls one finger leg by leg and holds; or None and why the hand cannot do it."""
         first, last = self.plan.actions[0], self.plan.actions[-1]
         contacts, actions = list(self.plan.start_contacts), [first]
@@ -141,7 +141,7 @@ def build_stands(profile: str) -> list[Stand]:
     return [Stand.build(build_roll_problem(profile, place), place) for place in PLACES_DEG]
 
 
-def _build_action(hold: Action, contacts: tuple[Placement | None, ...], leg: Roll) -> Action:
+def _build_action(hold: Action, contacts: tuple[Placement | None, ...], leg: TipRoll) -> Action:
     return replace(
         hold,
         kind="roll",
@@ -166,7 +166,7 @@ def sweep_straight(
     """Yield a straight roll over ``angle`` [rad] of the ball for every heading that the hand can do from one of its places."""
     count = max(25, int(np.ceil(np.degrees(angle))) + 1)
 
-    def build(stand: Stand, heading: float) -> list[list[Roll]]:
+    def build(stand: Stand, heading: float) -> list[list[TipRoll]]:
         return [[build_roll(stand.hand, stand.start, compute_heading(stand.start, heading), angle, count)]]
 
     for heading in headings_deg:
@@ -181,7 +181,7 @@ def sweep_triangles(
     Where a triangle cannot be followed its mirror image may still be, which gets as far.
     """
 
-    def build(stand: Stand, heading: float) -> list[list[Roll]]:
+    def build(stand: Stand, heading: float) -> list[list[TipRoll]]:
         start, radius = stand.start, float(np.linalg.norm(stand.start.point_O))
         triangle = RollingTriangle(stand.problem.hand.tip_radii_m[start.finger], radius, leg, apex)
         direction = compute_heading(start, heading)
@@ -193,7 +193,7 @@ def sweep_triangles(
 
 
 def _try(
-    stands: Sequence[Stand], build: Callable[[Stand, float], list[list[Roll]]], heading_deg: float
+    stands: Sequence[Stand], build: Callable[[Stand, float], list[list[TipRoll]]], heading_deg: float
 ) -> RollTrial | Refusal:
     """Run the first way that the hand can do, place after place."""
     reason = ""

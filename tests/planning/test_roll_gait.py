@@ -10,7 +10,7 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.plan.plan import MAY, MUST, MUST_NOT, Placement, Plan
-from dexplan.plan.roll import Roll
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll, build_roll_actions, follow_roll
@@ -35,7 +35,7 @@ def angle(a: Array, b: Array) -> float:
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
 
 
-def compute_slip(roll: Roll, radius: float, tip: float) -> float:
+def compute_slip(roll: TipRoll, radius: float, tip: float) -> float:
     """Return the largest sliding speed [m per unit progress] of the tip at its contact, by finite differences."""
     s, h = np.linspace(0.02, 0.98, 25), 1e-5
     worst = 0.0

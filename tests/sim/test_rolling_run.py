@@ -12,7 +12,7 @@ from dexplan import pipeline
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.control.reference import Reference
 from dexplan.plan.plan import Plan
-from dexplan.plan.roll import Roll
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.rolling.roll_gait import as_roll, build_roll
@@ -59,17 +59,17 @@ def with_way(reference: Reference, change: object) -> Reference:
     return replace(reference, phases=tuple(phases))
 
 
-def without_turning(roll: Roll) -> Roll:
+def without_turning(roll: TipRoll) -> TipRoll:
     """The tip goes where it should but keeps its attitude: it has to slide."""
     X = roll.X_OF.copy()
     X[:, :3, :3] = X[0, :3, :3]
-    return Roll(roll.finger, X, roll.normal_O)
+    return TipRoll(roll.finger, X, roll.normal_O)
 
 
-def half_way(roll: Roll) -> Roll:
+def half_way(roll: TipRoll) -> TipRoll:
     """The tip rolls well, but only half as far as planned."""
     rows = [roll.sample(s) for s in np.linspace(0.0, 0.5, roll.count)]
-    return Roll(roll.finger, np.stack([X for X, _ in rows]), np.stack([n for _, n in rows]))
+    return TipRoll(roll.finger, np.stack([X for X, _ in rows]), np.stack([n for _, n in rows]))
 
 
 def test_tip_rolls_where_theory_says(problem: Problem, plan: Plan, trace: Trace) -> None:
@@ -110,11 +110,11 @@ def test_tip_that_rolls_elsewhere_is_caught(problem: Problem, plan: Plan) -> Non
     )
 
 
-def lifted(roll: Roll) -> Roll:
+def lifted(roll: TipRoll) -> TipRoll:
     """The way leaves the ball by 4 mm."""
     X = roll.X_OF.copy()
     X[:, :3, 3] += np.linspace(0.0, 4e-3, roll.count)[:, None] * roll.normal_O
-    return Roll(roll.finger, X, roll.normal_O)
+    return TipRoll(roll.finger, X, roll.normal_O)
 
 
 def test_force_not_position_keeps_the_rolling_tip_on_the_ball(problem: Problem, plan: Plan) -> None:

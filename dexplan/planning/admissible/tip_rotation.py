@@ -15,7 +15,7 @@ import numpy as np
 
 from dexplan.errors import spell_apart
 from dexplan.plan.plan import Action
-from dexplan.plan.roll import Roll
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.spatial import Array
 
@@ -25,7 +25,7 @@ ROUNDING = 1e-6
 """A way that was built for the limit may exceed it by this [rad]."""
 
 
-def trace_on_tip(roll: Roll) -> Array:
+def trace_on_tip(roll: TipRoll) -> Array:
     """Return where the contact is on the tip along a roll: directions (K, 3) from the tip's centre in tip axes."""
     return -np.einsum("kji,kj->ki", roll.X_OF[:, :3, :3], roll.normal_O)
 

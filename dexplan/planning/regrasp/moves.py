@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from dexplan.plan.motion import ObjectMotion
 from dexplan.plan.plan import Placement
-from dexplan.plan.roll import Roll
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.rolling.roll_to_goal import measure_angle
 from dexplan.spatial import Array
 
@@ -26,7 +26,7 @@ class Move:
     contacts: Contacts
     X_WO: Array
     margins: dict[str, float] = field(default_factory=dict)
-    rolls: tuple[Roll, ...] = ()
+    rolls: tuple[TipRoll, ...] = ()
     why: str = ""
     motion: ObjectMotion | None = None
     way: Array | None = None
@@ -46,9 +46,9 @@ class Adjustment:
     is_exhausted: bool = False
 
 
-def reverse_roll(roll: Roll) -> Roll:
+def reverse_roll(roll: TipRoll) -> TipRoll:
     """Return the same way walked backwards."""
-    return Roll(roll.finger, roll.X_OF[::-1], roll.normal_O[::-1])
+    return TipRoll(roll.finger, roll.X_OF[::-1], roll.normal_O[::-1])
 
 
 def is_same(a: Contacts, b: Contacts) -> bool:

@@ -21,7 +21,7 @@ from dexplan.kinematics.arcs import build_travel, compute_hover, refine
 from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.kinematics.following import follow_tip
 from dexplan.plan.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.plan.roll import Roll
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, compute_finger_states, worst
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
 from dexplan.planning.admissible.separation import compute_pair_angle_max
@@ -49,7 +49,7 @@ class RollPlan:
     ``lifted`` those that are lifted; ``margins`` the worst along the way, ``pair_margins`` those of the pair at its end.
     """
 
-    rolls: tuple[Roll, ...]
+    rolls: tuple[TipRoll, ...]
     contacts: tuple[Placement | None, ...]
     pair: tuple[int, int]
     lifted: int
@@ -59,7 +59,7 @@ class RollPlan:
     __repr__ = brief_repr
 
 
-def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: float, count: int) -> Roll:
+def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: float, count: int) -> TipRoll:
     """Return the roll of one finger along a great circle.
 
     Args:
@@ -75,13 +75,13 @@ def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: floa
     return as_roll(placement.finger, path)
 
 
-def as_roll(finger: int, path: RollingPath, leg: int | None = None) -> Roll:
+def as_roll(finger: int, path: RollingPath, leg: int | None = None) -> TipRoll:
     """Return a path of pure rolling as the way of one finger: all of it, or one leg between two corners."""
     samples = slice(None) if leg is None else slice(path.corners[leg], path.corners[leg + 1] + 1)
-    return Roll(finger, path.X_OF[samples], path.n_O[samples])
+    return TipRoll(finger, path.X_OF[samples], path.n_O[samples])
 
 
-def follow_roll(hand: HandModel, X_WO: Array, roll: Roll, q_start: Array) -> tuple[Array, str]:
+def follow_roll(hand: HandModel, X_WO: Array, roll: TipRoll, q_start: Array) -> tuple[Array, str]:
     """Return the postures along a roll, and why it cannot be done to its end ("" where it can).
 
     ``X_WO`` (4, 4) or (K, 4, 4) is where the object is; the postures (L, J) stop with the last one that can be held.
@@ -116,7 +116,7 @@ def follow_roll(hand: HandModel, X_WO: Array, roll: Roll, q_start: Array) -> tup
     return q, ""
 
 
-def end_placement(roll: Roll, placement: Placement, q: Array) -> Placement:
+def end_placement(roll: TipRoll, placement: Placement, q: Array) -> Placement:
     """Return where a finger touches after its roll."""
     radius = float(np.linalg.norm(placement.point_O))
     normal = roll.normal_O[-1]
@@ -213,10 +213,10 @@ class RollToPair:
 
     def _roll_pair(
         self, a: Placement, b: Placement, wider: float
-    ) -> tuple[list[Roll], dict[int, Array], str]:
+    ) -> tuple[list[TipRoll], dict[int, Array], str]:
         """Return the rolls that open the pair by ``wider`` [rad], its postures (K, J) on the way, and why it fails ("")."""
         count = max(16, int(np.ceil(0.5 * wider / STEP)) + 1)
-        rolls: list[Roll] = []
+        rolls: list[TipRoll] = []
         ways = {x.finger: np.repeat(x.q[None], count, axis=0) for x in (a, b)}
         for x, y in ((a, b), (b, a)):
             if wider > 0.0:
@@ -229,7 +229,7 @@ class RollToPair:
 
     def _try(
         self,
-        pair_rolls: list[Roll],
+        pair_rolls: list[TipRoll],
         pair_ways: dict[int, Array],
         fingers: tuple[Placement, Placement, Placement],
         follow: float,

@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from dexplan.plan.plan import Placement
-from dexplan.plan.roll import Roll
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
@@ -35,7 +35,7 @@ Contacts = tuple[Placement | None, ...]
 class Rolled:
     """Rolls of some fingers at the same time, the contacts of all fingers afterwards, and the worst margins on the way."""
 
-    rolls: tuple[Roll, ...]
+    rolls: tuple[TipRoll, ...]
     contacts: Contacts
     margins: dict[str, float]
 

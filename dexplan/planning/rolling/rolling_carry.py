@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.plan.roll import Roll
+from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import end_placement, follow_roll
@@ -36,7 +36,7 @@ class RollingTurn:
 
 def build_carry_roll(
     hand: HandModel, placement: Placement, axis_O: Array, angle: float, share: float, count: int
-) -> Roll:
+) -> TipRoll:
     """Return how a tip rolls on a ball that turns by ``angle`` [rad] about ``axis_O`` (3,), the unit axis in object axes.
 
     In the object the tip turns at ``w = -share (a - (a . n) n)`` per radian, which has no part along the normal, and the contact
@@ -58,7 +58,7 @@ def build_carry_roll(
     X[:, :3, :3] = around @ inner @ placement.X_OF[:3, :3]
     normals = around @ n
     X[:, :3, 3] = (R + r) * normals
-    return Roll(placement.finger, X, normals)
+    return TipRoll(placement.finger, X, normals)
 
 
 def plan_rolling_turn(
@@ -98,7 +98,7 @@ def plan_rolling_turn(
         rows.append(row)
     if last < 2:
         return RollingTurn(None, 0.0, limit, finger)
-    cut = [Roll(roll.finger, roll.X_OF[: last + 1], roll.normal_O[: last + 1]) for roll in rolls]
+    cut = [TipRoll(roll.finger, roll.X_OF[: last + 1], roll.normal_O[: last + 1]) for roll in rolls]
     after = list(contacts)
     for placement, roll in zip(held, cut, strict=True):
         after[placement.finger] = end_placement(roll, placement, ways[placement.finger][last])
