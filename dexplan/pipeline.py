@@ -13,12 +13,13 @@ import numpy as np
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.options import ControlOptions
 from dexplan.control.rate import choose_rate
-from dexplan.control.reference import Timing, build_reference
-from dexplan.control.speed import compute_speed
+from dexplan.control.reference import build_reference
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.kinematics.workspace import load_workspace
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.plan import Plan
+from dexplan.plan.timing import Timing
+from dexplan.planning.actions import schedule
 from dexplan.planning.admissible.hand import AdmissibleLimits, HandModel
 from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.planning.gait.cost import CostWeights, Improvement
@@ -76,7 +77,7 @@ def build_hand(problem: Problem, scene: Scene) -> HandModel:
         probe=HandProbe(scene),
         limits=AdmissibleLimits(normal_floor=squeeze.floor, normal_ceiling=squeeze.ceiling),
         normal_force=squeeze.normal,
-        hover=timing.hover,
+        hover=timing.touchdown.hover,
         acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
         tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
         tip_rotation_limit=float(np.radians(problem.hand.tip_rotation_limit_deg)),
@@ -120,10 +121,15 @@ def build_improvement(problem: Problem) -> Improvement:
 def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
-    found = _find_plan(problem, scene, build_hand(problem, scene))
-    if not found.actions:
-        return found
-    return replace(found, speed=compute_speed(build_reference(found, scene.fingers, build_timing(problem))))
+    return time_plan(problem, _find_plan(problem, scene, build_hand(problem, scene)))
+
+
+def time_plan(problem: Problem, plan: Plan, timing: Timing | None = None) -> Plan:
+    """Return ``plan`` with the arcs of its fingers and all durations written in, so that it can be run.
+
+    Plans come timed from :func:`plan`; one that was put together by hand has to be timed.  ``timing`` replaces the problem's.
+    """
+    return schedule.time_plan(plan, build_scene(problem).fingers, timing or build_timing(problem))
 
 
 def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
@@ -164,7 +170,7 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
         wanted,
         *means,
         order=asked.order,
-        compute_duration=lambda found: build_reference(found, scene.fingers, timing).duration,
+        compute_duration=lambda found: schedule.time_plan(found, scene.fingers, timing).duration,
         improvement=build_improvement(problem),
     )
 
@@ -184,14 +190,19 @@ def rollout(
     An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
 
     ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
-    and controller believe (uncertainty).  Raises DexplanError for a plan without actions.
+    and controller believe (uncertainty).  Raises DexplanError for a plan without actions, or without durations.
     """
     if not plan.actions:
         raise DexplanError(
             f"the plan has no actions to run ({plan.status}: {plan.reason}); a solved plan is accepted"
         )
+    if not plan.is_timed:
+        raise DexplanError(
+            "the plan does not say how fingers travel and how long its actions take, as plan.json of format 1 did not; "
+            "plan again: `dexplan plan` and `dexplan run` write format 2"
+        )
     scene = build_scene(problem)
-    reference = build_reference(plan, scene.fingers, build_timing(problem))
+    reference = build_reference(plan)
     return _rollout.rollout(
         scene,
         reference,

@@ -75,7 +75,7 @@ ROOMS = {
         MATH,
     ),
     "planning.tasks": _room_of(f"{KNOWN} planning", MATH),
-    "control": _room_of(f"{KNOWN} planning.actions", f"{MATH} mujoco mink daqp"),
+    "control": _room_of(KNOWN, f"{MATH} mujoco mink daqp"),
     # storey 4
     "sim": _room_of(GROUND, f"{MATH} mujoco"),
     "sim.record": _room_of(f"{KNOWN} control sim", f"{MATH} mujoco"),
@@ -100,7 +100,6 @@ MOST_FLOORS = 5
 """Floors of rooms in ``planning`` at most."""
 KNOWN_CIRCLES: frozenset[frozenset[str]] = frozenset(
     {
-        frozenset({"plan/plan.py", "plan/words.py"}),
         frozenset(
             {
                 "problems/check.py",

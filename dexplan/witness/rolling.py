@@ -17,7 +17,10 @@ from dexplan import pipeline
 from dexplan.brief import brief_repr
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.errors import DexplanError
-from dexplan.plan.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
+from dexplan.plan.actions import Action, Roll
+from dexplan.plan.contacts import Contacts, Placement
+from dexplan.plan.phases import MUST, PlannedPhase
+from dexplan.plan.plan import SOLVED, Plan
 from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -133,7 +136,7 @@ class Stand:
         if refusal := refuse_rotation(self.hand, actions):
             return None, refusal
         actions.append(replace(last, contacts_end=tuple(contacts)))
-        return replace(self.plan, actions=tuple(actions), status=SOLVED), ""
+        return pipeline.time_plan(self.problem, replace(self.plan, actions=tuple(actions), status=SOLVED)), ""
 
 
 def build_stands(profile: str) -> list[Stand]:
@@ -141,10 +144,10 @@ def build_stands(profile: str) -> list[Stand]:
     return [Stand.build(build_roll_problem(profile, place), place) for place in PLACES_DEG]
 
 
-def _build_action(hold: Action, contacts: tuple[Placement | None, ...], leg: TipRoll) -> Action:
-    return replace(
-        hold,
-        kind="roll",
+def _build_action(hold: Action, contacts: Contacts, leg: TipRoll) -> Roll:
+    return Roll(
+        motion=hold.motion,
+        grasping=hold.grasping,
         contacts_end=contacts,
         phases=(PlannedPhase("roll", (MUST,) * len(contacts)),),
         why="a trial of rolling",

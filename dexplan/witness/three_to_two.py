@@ -8,7 +8,9 @@ import numpy as np
 
 from dexplan import pipeline
 from dexplan.brief import brief_repr
-from dexplan.plan.plan import SOLVED, Action, Plan
+from dexplan.plan.actions import Action
+from dexplan.plan.motion import rest_at
+from dexplan.plan.plan import SOLVED, Plan
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll_actions
@@ -51,15 +53,15 @@ def build_three_to_two(problem: Problem, *, is_early: bool = False) -> tuple[Pla
     found = next(rolling.options(), None)
     if found is None:
         return None, rolling.explain()
-    still = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": UP, "angle": 0.0}
-    hold = build_hold(list(plan.start_contacts), still, "let the grasp settle")
+    still = rest_at(X_WO, UP)
+    hold = build_hold(plan.start_contacts, still, "let the grasp settle")
     roll, lift = build_roll_actions(found, hand, X_WO, UP)
     if is_early:
         gone = tuple(None if i == found.lifted else c for i, c in enumerate(plan.start_contacts))
         lift = replace(lift, contacts_end=gone)
-    end = build_hold(list(lift.contacts_end), still, "the pair holds")
+    end = build_hold(lift.contacts_end, still, "the pair holds")
     actions: tuple[Action, ...] = (hold, lift, end) if is_early else (hold, roll, lift, end)
-    return replace(plan, status=SOLVED, reason="", actions=actions), ""
+    return pipeline.time_plan(problem, replace(plan, status=SOLVED, reason="", actions=actions)), ""
 
 
 def run_three_to_two(sliding: float, tip_radius: float, profile: str = "firm") -> ThreeToTwo:

@@ -125,9 +125,9 @@ def angle_about(plan: Plan, axis: Array) -> float:
     """Return the turn about ``axis`` [rad] counted along the plan's moves, through whole turns."""
     quats = []
     for action in plan.actions:
-        if action.kind == "move_object":
+        if action.name == "move_object":
             for share in np.linspace(0.0, 1.0, 20):
-                turn = Rotation.from_rotvec(share * action.angle * action.axis_W)
+                turn = Rotation.from_rotvec(share * action.motion.angle * action.motion.axis_W)
                 back = plan.X_WO_start[:3, :3].T
                 R = turn.as_matrix() @ action.X_WO_start[:3, :3] @ back
                 quats.append(Rotation.from_matrix(R).as_quat(canonical=True))
@@ -141,7 +141,7 @@ def test_attitude_from_a_stuck_start(hand: HandModel, cases: dict[int, Case]) ->
     assert plan.is_solved, plan.reason
     assert plan.statistics["nodes"] < 100
     # What moves first is the pair, about an axis to where there is room.
-    first = next(a for a in plan.actions if a.kind == "move_object")
+    first = next(a for a in plan.actions if a.name == "move_object")
     assert any(np.allclose(first.axis_W, e.axis_W) for e in case.escapes)
     assert first.grasping == tuple(sorted(h.finger for h in case.pair))
     assert np.allclose(plan.actions[-1].X_WO_end, plan.X_WO_goal, atol=1e-9)
@@ -157,10 +157,10 @@ def test_turn_about_a_named_axis_from_a_stuck_start(hand: HandModel, cases: dict
     assert plan.turned_angle == goal.angle
     assert np.allclose(plan.actions[-1].X_WO_end, goal.X_WO_goal, atol=1e-9)
     assert angle_about(plan, up) == pytest.approx(goal.angle, abs=1e-9)
-    moves = [a for a in plan.actions if a.kind == "move_object" and a.angle]
-    about_up = [abs(a.axis_W @ up) > 1.0 - 1e-9 for a in moves]
+    moves = [a for a in plan.actions if a.name == "move_object" and a.motion.angle]
+    about_up = [abs(a.motion.axis_W @ up) > 1.0 - 1e-9 for a in moves]
     assert (about_up[0], about_up[-2 if not moves[-1].angle else -1]) == (False, False)
-    assert sum(a.angle for a, is_up in zip(moves, about_up, strict=True) if is_up) == pytest.approx(
+    assert sum(a.motion.angle for a, is_up in zip(moves, about_up, strict=True) if is_up) == pytest.approx(
         0.5 * np.pi
     )
     assert Recheck(hand, plan).faults == []

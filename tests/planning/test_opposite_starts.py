@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
+from dexplan.plan.contacts import Placement
 from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Placement, Plan
+from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
@@ -138,6 +139,6 @@ def test_what_rolling_cannot_help_is_said(hands: dict[float, HandModel]) -> None
 def test_a_roll_of_a_pair_says_so(hands: dict[float, HandModel]) -> None:
     plan = ask(hands[0.030], ((-30.0, 0.0), (150.0, 0.0), None), 90.0)
     roll = plan.actions[1]
-    assert (roll.kind, roll.grasping, roll.angle) == ("roll", (0, 1), 0.0)
+    assert (roll.name, roll.grasping, roll.motion.angle) == ("roll", (0, 1), 0.0)
     assert "no gait was found from the start contacts" in roll.why
     assert "roll" in plan.explain()

@@ -8,8 +8,8 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
+from dexplan.plan.contacts import Placement
 from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.goal_side import GoalSide

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Placement, Plan
+from dexplan.plan.contacts import Placement
+from dexplan.plan.phases import MAY, MUST, MUST_NOT
+from dexplan.plan.plan import Plan
 from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -106,7 +108,7 @@ class TestThreeToTwo:
     def test_actions_ask_for_the_right_contacts(self, hand: HandModel, ring: Plan) -> None:
         found = next(RollToPair(hand, ring.X_WO_start, ring.start_contacts, Admissibility(hand)).options())
         roll, lift = build_roll_actions(found, hand, ring.X_WO_start, UP)
-        assert (roll.kind, lift.kind) == ("roll", "lift")
+        assert (roll.name, lift.name) == ("roll", "lift")
         assert all(phase.touch == (MUST, MUST, MUST) for phase in roll.phases)
         assert [phase.touch[found.lifted] for phase in lift.phases] == [MUST, MAY, MUST_NOT]
         assert lift.contacts_end[found.lifted] is None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dexplan.plan.plan import Placement
+from dexplan.plan.contacts import Placement
 from dexplan.planning.admissible.admissibility import Admissibility, FingerState, Margins
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.still import build_landings

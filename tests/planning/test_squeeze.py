@@ -102,7 +102,7 @@ def test_plan_reference_and_controller_use_the_same_forces() -> None:
     )
     again = Plan.from_dict(plan.as_dict())
     assert (again.normal_floor, again.normal_ceiling) == (plan.normal_floor, plan.normal_ceiling)
-    reference = build_reference(plan, scene.fingers, pipeline.build_timing(problem))
+    reference = build_reference(plan)
     assert (reference.normal_force, reference.normal_floor) == (plan.normal_force, plan.normal_floor)
     controller = Controller(scene, reference, pipeline.build_options(problem))
     limits = controller._limit_forces((0, 1), (1.0, 1.0))

@@ -11,6 +11,7 @@ from short_runs import build_plan_reference, failed, simulate
 from dexplan import pipeline
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.control.reference import Reference
+from dexplan.plan.motion import rest_at
 from dexplan.plan.plan import Plan
 from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.actions.gaits import build_hold
@@ -167,15 +168,16 @@ def test_object_turns_on_rolling_contacts() -> None:
     )
     assert turn.action is not None
     assert turn.limit == ""
-    end = {"X_WO_start": turn.action.X_WO_end, "X_WO_end": turn.action.X_WO_end, "axis_W": up, "angle": 0.0}
-    last = build_hold(list(turn.action.contacts_end), end, "the goal is reached")
+    end = rest_at(turn.action.X_WO_end, up)
+    last = build_hold(turn.action.contacts_end, end, "the goal is reached")
     plan = replace(
         still,
         actions=(still.actions[0], turn.action, last),
         X_WO_goal=turn.action.X_WO_end,
         axis_W=up,
-        turned_angle=turn.action.angle,
+        turned_angle=turn.action.motion.angle,
     )
+    plan = pipeline.time_plan(problem, plan)
     report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan))
     assert report.is_passed, report.table()
     # The contacts went round with the ball by R / (R + r) of its turn, so back on it by the rest; 35 / 18 as far on the tip.

@@ -8,8 +8,8 @@ import numpy as np
 
 from dexplan.kinematics.chain import compute_tip_pose
 from dexplan.kinematics.following import follow_tip
+from dexplan.plan.contacts import Placement
 from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,

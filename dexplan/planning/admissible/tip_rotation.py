@@ -14,7 +14,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dexplan.errors import spell_apart
-from dexplan.plan.plan import Action
+from dexplan.plan.actions import Action
 from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.spatial import Array

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dexplan.plan.contacts import Placement
 from dexplan.plan.motion import STEP
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.admissibility import FingerState, compute_finger_states
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel

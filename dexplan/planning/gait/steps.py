@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plan.plan import Placement
+from dexplan.plan.contacts import Placement
 from dexplan.planning.ways.travel import Way
 from dexplan.spatial import Array
 

@@ -11,12 +11,12 @@ from collections import Counter
 from dataclasses import dataclass, field
 from itertools import combinations
 
+from dexplan.plan.contacts import Contacts
 from dexplan.plan.motion import rest_at
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.conditions import without_numbers
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.layers import Layers
-from dexplan.planning.regrasp.moves import Contacts
 from dexplan.planning.regrasp.nodes import change_stand
 from dexplan.planning.regrasp.relocation_bound import Pair, RelocationBound
 from dexplan.planning.regrasp.still import Stand, StillContacts

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from dexplan.plan.contacts import Contacts
 from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
 from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.rolling.roll_to_goal import measure_angle
 from dexplan.spatial import Array
-
-Contacts = tuple[Placement | None, ...]
-"""Per finger where it touches, None where it is free."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dexplan.plan.contacts import Contacts, Placement
 from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
 from dexplan.planning.regrasp.goal_side import OPTIONS, GoalSide
 from dexplan.planning.regrasp.layers import Layers
-from dexplan.planning.regrasp.moves import Adjustment, Contacts, Move, is_same
+from dexplan.planning.regrasp.moves import Adjustment, Move, is_same
 from dexplan.planning.regrasp.nodes import Labels, Node, build_moves, trace_back
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.stand_search import AbstractStandSearch

@@ -10,7 +10,7 @@ from dexplan.kinematics.arcs import build_travel, compute_hover
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.plan import Placement
+from dexplan.plan.contacts import Placement
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,

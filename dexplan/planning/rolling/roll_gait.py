@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +19,10 @@ from dexplan.errors import spell_apart
 from dexplan.kinematics.arcs import build_travel, compute_hover, refine
 from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.kinematics.following import follow_tip
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plan.actions import Relocate, Roll
+from dexplan.plan.contacts import Placement, list_holding
+from dexplan.plan.motion import rest_at
+from dexplan.plan.phases import PlannedPhase, build_lifting, demand_touch
 from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, compute_finger_states, worst
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
@@ -295,39 +297,28 @@ class RollToPair:
         return held, ""
 
 
-def build_roll_actions(plan: RollPlan, hand: HandModel, X_WO: Array, axis_W: Array) -> tuple[Action, Action]:
+def build_roll_actions(plan: RollPlan, hand: HandModel, X_WO: Array, axis_W: Array) -> tuple[Roll, Relocate]:
     """Return the actions of a roll plan: all fingers that touch hold while some roll, then the third one lifts."""
-    holding = tuple(i for i, c in enumerate(plan.contacts) if c is not None)
     after = tuple(None if i == plan.lifted else c for i, c in enumerate(plan.contacts))
-    touch = tuple(MUST_NOT if c is None else MUST for c in plan.contacts)
     i, j = (hand.fingers[f].name for f in plan.pair)
-    still: dict[str, Any] = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": axis_W, "angle": 0.0}
-    roll = Action(
-        kind="roll",
-        finger=None,
-        grasping=holding,
+    still = rest_at(X_WO, axis_W)
+    roll = Roll(
+        motion=still,
+        grasping=list_holding(plan.contacts),
         contacts_end=plan.contacts,
-        phases=(PlannedPhase("roll", touch),),
+        phases=(PlannedPhase("roll", demand_touch(plan.contacts)),),
         why=f"no two contacts are force closed; {i} and {j} roll apart until they are",
         margins=plan.margins,
         rolls=plan.rolls,
-        **still,
     )
-    gone = tuple(MUST_NOT if k == plan.lifted else t for k, t in enumerate(touch))
-    leaving = tuple(MAY if k == plan.lifted else t for k, t in enumerate(touch))
-    lift = Action(
-        kind="lift",
+    lift = Relocate(
         finger=plan.lifted,
+        motion=still,
         grasping=plan.pair,
         contacts_end=after,
-        phases=(
-            PlannedPhase("unload", touch),
-            PlannedPhase("retreat", leaving),
-            PlannedPhase("travel", gone),
-        ),
+        phases=build_lifting(plan.lifted, plan.contacts, after),
         why=f"{i} and {j} now hold alone",
         margins=plan.pair_margins,
-        **still,
     )
     return roll, lift
 

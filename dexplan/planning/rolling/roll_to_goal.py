@@ -7,7 +7,7 @@ from itertools import permutations
 
 import numpy as np
 
-from dexplan.plan.plan import Placement
+from dexplan.plan.contacts import Placement
 from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel

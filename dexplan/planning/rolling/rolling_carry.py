@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plan.actions import MoveObject
+from dexplan.plan.contacts import Contacts, Placement
+from dexplan.plan.motion import ObjectMotion
+from dexplan.plan.phases import PlannedPhase, demand_touch
 from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.hand import HandModel
@@ -27,7 +30,7 @@ STEP = float(np.radians(1.0))
 class RollingTurn:
     """A turn of the object on rolling contacts: as far as it goes, and what ends it (``limit`` is "" at the wanted angle)."""
 
-    action: Action | None
+    action: MoveObject | None
     angle: float
     limit: str
     limiting_finger: int | None
@@ -65,7 +68,7 @@ def plan_rolling_turn(
     hand: HandModel,
     admissibility: Admissibility,
     X_WO: Array,
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     axis_W: Array,
     angle: float,
     share: float,
@@ -104,16 +107,11 @@ def plan_rolling_turn(
         after[placement.finger] = end_placement(roll, placement, ways[placement.finger][last])
     reached = float(angle * last / (count - 1))
     names = " and ".join(hand.fingers[c.finger].name for c in held)
-    action = Action(
-        kind="move_object",
-        finger=None,
+    action = MoveObject(
+        motion=ObjectMotion(X_WO, axis_W, reached, np.zeros(3)),
         grasping=tuple(sorted(ways)),
-        X_WO_start=X_WO,
-        X_WO_end=turned[last],
-        axis_W=axis_W,
-        angle=reached,
         contacts_end=tuple(after),
-        phases=(PlannedPhase("move", tuple(MUST_NOT if c is None else MUST for c in contacts)),),
+        phases=(PlannedPhase("move", demand_touch(contacts)),),
         why=f"{names} roll on the object while it turns" + (f", until {limit}" if limit else ""),
         limiting_finger=finger,
         limit=limit or None,

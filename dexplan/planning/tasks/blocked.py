@@ -8,8 +8,8 @@ import numpy as np
 
 from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
+from dexplan.plan.contacts import Placement
 from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.conditions import Condition, classify_nearness, explain_locked_joint
 from dexplan.planning.admissible.hand import HandModel

@@ -12,9 +12,11 @@ from typing import Literal
 
 import numpy as np
 
+from dexplan.plan.actions import Action
+from dexplan.plan.contacts import Contacts
 from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Action, Plan
-from dexplan.planning.actions.joining import Contacts, follow_actions, without_holds
+from dexplan.plan.plan import Plan
+from dexplan.planning.actions.joining import follow_actions, without_holds
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.still import StillContacts

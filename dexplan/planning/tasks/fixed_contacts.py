@@ -10,9 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dexplan.plan.actions import Action, MoveObject
+from dexplan.plan.contacts import Contacts, Placement
 from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
+from dexplan.plan.motion import ObjectMotion, rest_at
+from dexplan.plan.phases import PlannedPhase, demand_touch
+from dexplan.plan.plan import Plan
 from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import (
@@ -59,7 +62,7 @@ class FixedReach:
 def compute_fixed_reach(
     hand: HandModel,
     admissibility: Admissibility,
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     motion: ObjectMotion,
     count: int | None = None,
 ) -> FixedReach:
@@ -153,9 +156,7 @@ def _is_pose_given(start: Start, finger: int) -> bool:
     return isinstance(given, Placement) or (given is not None and given.shape == (4, 4))
 
 
-def _contacts_after(
-    contacts: tuple[Placement | None, ...], reach: FixedReach
-) -> tuple[Placement | None, ...]:
+def _contacts_after(contacts: Contacts, reach: FixedReach) -> Contacts:
     last = reach.count - 1
     return tuple(None if c is None else replace(c, q=reach.ways[c.finger][last]) for c in contacts)
 
@@ -173,7 +174,7 @@ def _spell(goal: RotationGoal, share: float) -> str:
 
 
 def _build_actions(
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     reach: FixedReach,
     done: ObjectMotion,
     is_there: bool,
@@ -182,28 +183,22 @@ def _build_actions(
     furthest: float,
 ) -> tuple[Action, ...]:
     """Return hold, motion, hold."""
-    X, end = done.X_WO_start, reach.poses[reach.count - 1]
-    still = {"axis_W": done.axis_W, "angle": 0.0}
-    first = build_hold(list(contacts), {**still, "X_WO_start": X, "X_WO_end": X}, "let the grasp settle")
+    end = reach.poses[reach.count - 1]
+    first = build_hold(contacts, rest_at(done.X_WO_start, done.axis_W), "let the grasp settle")
     after = _contacts_after(contacts, reach)
     ends = f"this grasp could turn it to {furthest:.1f} deg, where {limit}" if limit else "it could go on"
     last = build_hold(
-        list(after),
-        {**still, "X_WO_start": end, "X_WO_end": end},
+        after,
+        rest_at(end, done.axis_W),
         f"the goal is reached; {ends}" if is_there else f"this is as far as the grasp goes: {limit}",
     )
     if done.is_still:
         return (first, last)
-    move = Action(
-        kind="move_object",
-        finger=None,
+    move = MoveObject(
+        motion=ObjectMotion.between(done.X_WO_start, end, done.axis_W, done.angle),
         grasping=tuple(sorted(reach.ways)),
-        X_WO_start=X,
-        X_WO_end=end,
-        axis_W=done.axis_W,
-        angle=done.angle,
         contacts_end=after,
-        phases=(PlannedPhase("move", tuple(MUST_NOT if c is None else MUST for c in contacts)),),
+        phases=(PlannedPhase("move", demand_touch(contacts)),),
         why="contacts stay fixed; until " + ("the goal" if is_there else limit),
         limiting_finger=None if is_there else limiting,
         limit="the goal" if is_there else limit,

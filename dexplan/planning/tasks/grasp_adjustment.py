@@ -13,11 +13,11 @@ from typing import Literal
 
 import numpy as np
 
+from dexplan.plan.contacts import Contacts
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.motion import ObjectMotion, rest_at
 from dexplan.plan.plan import Plan
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
-from dexplan.planning.actions.joining import Contacts
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure

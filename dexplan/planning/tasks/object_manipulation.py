@@ -10,8 +10,10 @@ import numpy as np
 
 from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import solve_standing
+from dexplan.plan.actions import Action
+from dexplan.plan.contacts import Contacts, Placement
 from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import SOLVED, Action, Placement, Plan
+from dexplan.plan.plan import SOLVED, Plan
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.conditions import Condition
@@ -52,10 +54,10 @@ def refuse(
     goal: RotationGoal,
     status: str,
     reason: str,
-    contacts: tuple[Placement | None, ...] | None = None,
+    contacts: Contacts | None = None,
 ) -> Plan:
     """Return the plan that says why there is none."""
-    nothing: tuple[Placement | None, ...] = (None,) * len(hand.fingers)
+    nothing: Contacts = (None,) * len(hand.fingers)
     return _answer(hand, goal, status, reason, contacts or nothing, (), {})
 
 
@@ -64,7 +66,7 @@ def _answer(
     goal: RotationGoal,
     status: str,
     reason: str,
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     actions: tuple[Action, ...],
     statistics: dict[str, float],
 ) -> Plan:
@@ -127,7 +129,7 @@ class _Planning:
     node_budget: int
     primitives: tuple[Literal["substitution", "rewind"], ...]
     improvement: Improvement
-    contacts: tuple[Placement | None, ...] = ()
+    contacts: Contacts = ()
     searches: list[GaitSearch] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
     is_complete: bool = False
@@ -345,10 +347,8 @@ class _Planning:
                     'or set start.contacts_deg = "auto"',
                 )
             held.append(contact)
-        placed: list[Placement | None] = [None] * len(self.hand.fingers)
-        for h in held:
-            placed[h.finger] = table.placement(h, 0)
-        self.contacts = tuple(placed)
+        placed = {h.finger: table.placement(h, 0) for h in held}
+        self.contacts = tuple(placed.get(k) for k in range(len(self.hand.fingers)))
         margins = search.judge_start(tuple(held))
         refusal = margins.refusal
         if margins.unmet is Condition.STANDING:

@@ -15,8 +15,11 @@ from itertools import product
 
 import numpy as np
 
+from dexplan.plan.actions import Roll
+from dexplan.plan.contacts import Placement, list_holding
 from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plan.motion import rest_at
+from dexplan.plan.phases import PlannedPhase, demand_touch
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
@@ -127,20 +130,14 @@ def _advance(normal: Array, toward: Array, angle: float) -> Array:
     return np.cos(angle) * normal + np.sin(angle) * aside / np.linalg.norm(aside)
 
 
-def build_pair_roll_action(hand: HandModel, goal: RotationGoal, rolled: Rolled) -> Action:
+def build_pair_roll_action(hand: HandModel, goal: RotationGoal, rolled: Rolled) -> Roll:
     """Return the action of a pair's roll: both fingers hold throughout."""
-    holding = tuple(i for i, c in enumerate(rolled.contacts) if c is not None)
     who = " and ".join(hand.fingers[r.finger].name for r in rolled.rolls)
-    return Action(
-        kind="roll",
-        finger=None,
-        grasping=holding,
-        X_WO_start=goal.X_WO_start,
-        X_WO_end=goal.X_WO_start,
-        axis_W=goal.axis_W,
-        angle=0.0,
+    return Roll(
+        motion=rest_at(goal.X_WO_start, goal.axis_W),
+        grasping=list_holding(rolled.contacts),
         contacts_end=rolled.contacts,
-        phases=(PlannedPhase("roll", tuple(MUST_NOT if c is None else MUST for c in rolled.contacts)),),
+        phases=(PlannedPhase("roll", demand_touch(rolled.contacts)),),
         why=f"no gait was found from the start contacts; after a roll of {who} another finger finds room",
         margins=rolled.margins,
         rolls=rolled.rolls,

@@ -12,8 +12,10 @@ from dataclasses import replace
 from itertools import islice
 from typing import Literal
 
+from dexplan.plan.actions import Action
 from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Action, Plan
+from dexplan.plan.motion import rest_at
+from dexplan.plan.plan import Plan
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -22,6 +24,7 @@ from dexplan.planning.rolling.roll_gait import RollPlan, RollToPair, build_roll_
 from dexplan.planning.tasks.ends import Beginning
 from dexplan.planning.tasks.object_manipulation import FIRST, Start, plan_rotation
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
+from dexplan.spatial import VERTICAL
 
 OPTIONS = 8
 """Ways to roll three fingers that are tried before the goal is given up."""
@@ -149,13 +152,8 @@ class _FromThree(_Beginnings):
 
 def _join(start: Plan, beginning: Beginning, rest: Plan) -> Plan:
     """Return the plan that holds with the contacts of ``start``, begins as said, and goes on with ``rest``."""
-    still = {
-        "X_WO_start": start.X_WO_start,
-        "X_WO_end": start.X_WO_start,
-        "axis_W": start.axis_W,
-        "angle": 0.0,
-    }
-    hold = build_hold(list(start.start_contacts), still, "let the grasp settle")
+    axis = VERTICAL if start.axis_W is None else start.axis_W
+    hold = build_hold(start.start_contacts, rest_at(start.X_WO_start, axis), "let the grasp settle")
     return replace(
         rest, start_contacts=start.start_contacts, actions=(hold, *beginning.actions, *rest.actions[1:])
     )

@@ -12,11 +12,13 @@ from typing import Literal
 
 import numpy as np
 
+from dexplan.plan.actions import Action
+from dexplan.plan.contacts import Contacts, GoalContact, Placement
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import SOLVED, Action, GoalContact, Placement, Plan
+from dexplan.plan.plan import SOLVED, Plan
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
-from dexplan.planning.actions.joining import Contacts, build_move_actions, enclose, follow_actions
+from dexplan.planning.actions.joining import build_move_actions, enclose, follow_actions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.tip_rotation import refuse_rotation

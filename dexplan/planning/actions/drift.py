@@ -8,7 +8,7 @@ import numpy as np
 
 from dexplan.kinematics.chain import compute_tip_jacobian, solve_ik, wrap_near
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.plan.plan import Placement
+from dexplan.plan.contacts import Contacts, Placement
 from dexplan.plan.tip_roll import TipRoll
 from dexplan.spatial import Array, hat
 
@@ -54,7 +54,7 @@ def follow_contact(
 
 def follow_contacts(
     fingers: tuple[FingerDescription, ...],
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     rolls: Mapping[int, TipRoll],
     X_WO: Array,
     postures: dict[int, Array],
