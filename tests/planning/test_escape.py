@@ -159,7 +159,7 @@ def test_turn_about_a_named_axis_from_a_stuck_start(hand: HandModel, cases: dict
     assert angle_about(plan, up) == pytest.approx(goal.angle, abs=1e-9)
     moves = [a for a in plan.actions if a.name == "move_object" and a.motion.angle]
     about_up = [abs(a.motion.axis_W @ up) > 1.0 - 1e-9 for a in moves]
-    assert (about_up[0], about_up[-2 if not moves[-1].angle else -1]) == (False, False)
+    assert (about_up[0], about_up[-2 if not moves[-1].motion.angle else -1]) == (False, False)
     assert sum(a.motion.angle for a, is_up in zip(moves, about_up, strict=True) if is_up) == pytest.approx(
         0.5 * np.pi
     )
