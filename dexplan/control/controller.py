@@ -25,7 +25,7 @@ from dexplan.control.rolling import RollOffset
 from dexplan.control.tasks import FingertipTask, JointLimit
 from dexplan.grasp.force.solver import EXCHANGES, GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
-from dexplan.plan.pace import smooth_step
+from dexplan.plans.pace import smooth_step
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix, rotation_vector
 

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.plan.actions import Action, FingerWay, Hold, MoveObject, Relocate, Roll
-from dexplan.plan.contacts import Contacts, list_holding
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.pace import Pace, Progress, smooth_step
-from dexplan.plan.plan import Plan
-from dexplan.plan.timing import Touchdown
-from dexplan.plan.tip_roll import TipRoll
+from dexplan.plans.actions import Action, FingerWay, Hold, MoveObject, Relocate, Roll
+from dexplan.plans.contacts import Contacts, list_holding
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.pace import Pace, Progress, smooth_step
+from dexplan.plans.plan import Plan
+from dexplan.plans.timing import Touchdown
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, read_only, rotation_matrix
 
 REST = Pace(1.0, 0.3, "ramp")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dexplan.brief import brief_repr
-from dexplan.plan.tip_roll import TipRoll
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
 
 

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from dexplan.errors import RunFolderError
-from dexplan.plan.actions import Action, Hold, MoveObject, Relocate, Roll
-from dexplan.plan.plan import Plan
+from dexplan.plans.actions import Action, Hold, MoveObject, Relocate, Roll
+from dexplan.plans.plan import Plan
 from dexplan.run_folder import check_replaceable
 from dexplan.sim.trace import Trace
 from dexplan.viz.canvas import SOFTWARE

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from dexplan.plan.actions import Action, MoveObject, Relocate
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.phases import MAY, MUST
-from dexplan.plan.plan import Plan
+from dexplan.plans.actions import Action, MoveObject, Relocate
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.phases import MAY, MUST
+from dexplan.plans.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
 

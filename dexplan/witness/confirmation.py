@@ -15,7 +15,7 @@ import numpy as np
 
 from dexplan import pipeline
 from dexplan.errors import DexplanError
-from dexplan.plan.actions import count_placements
+from dexplan.plans.actions import count_placements
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import build_problem, list_problems, load_problem
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from dexplan import pipeline
-from dexplan.plan.actions import Action, Relocate
-from dexplan.plan.contacts import Contacts
-from dexplan.plan.plan import Plan
-from dexplan.plan.poses import write_pose
+from dexplan.plans.actions import Action, Relocate
+from dexplan.plans.contacts import Contacts
+from dexplan.plans.plan import Plan
+from dexplan.plans.poses import write_pose
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import build_problem, list_problems, load_problem
 from dexplan.witness import adjustments, attitudes

@@ -17,15 +17,15 @@ from dexplan import pipeline
 from dexplan.brief import brief_repr
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.errors import DexplanError
-from dexplan.plan.actions import Action, Roll
-from dexplan.plan.contacts import Contacts, Placement
-from dexplan.plan.phases import MUST, PlannedPhase
-from dexplan.plan.plan import SOLVED, Plan
-from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.tip_rotation import refuse_rotation
 from dexplan.planning.rolling.roll_gait import as_roll, build_roll, end_placement, follow_roll, judge_ways
+from dexplan.plans.actions import Action, Roll
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.phases import MUST, PlannedPhase
+from dexplan.plans.plan import SOLVED, Plan
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.judge.replay import replay

@@ -8,12 +8,12 @@ import numpy as np
 
 from dexplan import pipeline
 from dexplan.brief import brief_repr
-from dexplan.plan.actions import Action
-from dexplan.plan.motion import rest_at
-from dexplan.plan.plan import SOLVED, Plan
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll_actions
+from dexplan.plans.actions import Action
+from dexplan.plans.motion import rest_at
+from dexplan.plans.plan import SOLVED, Plan
 from dexplan.problems.derived import PATCH_PER_TIP
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem

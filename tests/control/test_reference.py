@@ -7,11 +7,11 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.control.reference import ObjectPath, Phase, Reference, build_reference
-from dexplan.plan.motion import ObjectMotion, rest_at
-from dexplan.plan.pace import Pace, smooth_step
-from dexplan.plan.phases import MAY
-from dexplan.plan.plan import Plan
-from dexplan.plan.timing import Timing
+from dexplan.plans.motion import ObjectMotion, rest_at
+from dexplan.plans.pace import Pace, smooth_step
+from dexplan.plans.phases import MAY
+from dexplan.plans.plan import Plan
+from dexplan.plans.timing import Timing
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.spatial import rotation_vector

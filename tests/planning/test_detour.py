@@ -15,9 +15,6 @@ from dexplan import pipeline
 from dexplan.control.reference import build_reference
 from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
-from dexplan.plan.contacts import Placement
-from dexplan.plan.plan import SOLVED, Plan
-from dexplan.plan.timing import Timing
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.actions.schedule import time_plan
 from dexplan.planning.admissible.hand import HandModel
@@ -25,6 +22,9 @@ from dexplan.planning.gait.steps import Step
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.ways.detour import Surroundings, find_detour
 from dexplan.planning.ways.travel import find_way
+from dexplan.plans.contacts import Placement
+from dexplan.plans.plan import SOLVED, Plan
+from dexplan.plans.timing import Timing
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 

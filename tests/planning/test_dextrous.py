@@ -11,10 +11,10 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.control.reference import build_reference
-from dexplan.plan.phases import MUST_NOT
-from dexplan.plan.plan import Plan
 from dexplan.planning.actions.overlap import count_overlaps, overlap_travel
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.phases import MUST_NOT
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.read import load_problem
 from dexplan.spatial import direction_from_angles

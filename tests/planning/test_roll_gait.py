@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.contacts import Placement
-from dexplan.plan.phases import MAY, MUST, MUST_NOT
-from dexplan.plan.plan import Plan
-from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll, build_roll_actions, follow_roll
 from dexplan.planning.rolling.rolling_carry import build_carry_roll, plan_rolling_turn
+from dexplan.plans.contacts import Placement
+from dexplan.plans.phases import MAY, MUST, MUST_NOT
+from dexplan.plans.plan import Plan
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, rotate_about
 

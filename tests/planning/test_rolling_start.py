@@ -13,15 +13,15 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.contact.rolling.curves import roll_turning
-from dexplan.plan.actions import Relocate
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.phases import MUST
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks import rolling_start
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
 from dexplan.planning.tasks.rolling_start import OPTIONS, plan_object_manipulation
+from dexplan.plans.actions import Relocate
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.phases import MUST
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 

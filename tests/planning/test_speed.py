@@ -10,8 +10,8 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.control.reference import build_reference
-from dexplan.plan.pace import PACES
-from dexplan.plan.plan import Plan
+from dexplan.plans.pace import PACES
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 
 CASES = Path(__file__).parents[1] / "cases"

@@ -14,7 +14,7 @@ from dexplan.contact.surfaces.flat import Cylinder
 from dexplan.control.controller import Controller
 from dexplan.control.reference import Reference
 from dexplan.errors import DexplanError
-from dexplan.plan.timing import Touchdown
+from dexplan.plans.timing import Touchdown
 from dexplan.problems.read import load_problem
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import SceneParameters

@@ -10,10 +10,10 @@ import numpy as np
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, build_reference
-from dexplan.plan.plan import SOLVED, Plan
-from dexplan.plan.timing import Timing
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.gait.steps import Step
+from dexplan.plans.plan import SOLVED, Plan
+from dexplan.plans.timing import Timing
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.scene.scene import Scene

@@ -12,7 +12,7 @@ from short_runs import build_plan_reference, plan_of
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.grasp.force.solver import ForceSolution, ForceSolver
-from dexplan.plan.timing import Timing
+from dexplan.plans.timing import Timing
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.record.rollout import rollout

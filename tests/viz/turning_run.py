@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from dexplan.plan.actions import Hold, MoveObject, Relocate
-from dexplan.plan.contacts import Contacts, Placement
-from dexplan.plan.motion import ObjectMotion, rest_at
-from dexplan.plan.phases import MAY, MUST, MUST_NOT, PlannedPhase
-from dexplan.plan.plan import Plan
+from dexplan.plans.actions import Hold, MoveObject, Relocate
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.motion import ObjectMotion, rest_at
+from dexplan.plans.phases import MAY, MUST, MUST_NOT, PlannedPhase
+from dexplan.plans.plan import Plan
 from dexplan.scene.library import load_scene
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, as_pose7, build_frame, direction_from_angles, make_pose, rotate_about

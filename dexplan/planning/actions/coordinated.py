@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dexplan.plan.actions import MoveObject
-from dexplan.plan.contacts import Contacts, Placement
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.phases import PlannedPhase, demand_touch
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states, worst
 from dexplan.planning.admissible.carry import follow_object, judge_carry, spin_tip
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.actions import MoveObject
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.phases import PlannedPhase, demand_touch
 
 
 def center_spin(hand: HandModel, placement: Placement, motion: ObjectMotion) -> Placement:

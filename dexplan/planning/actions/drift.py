@@ -8,8 +8,8 @@ import numpy as np
 
 from dexplan.kinematics.chain import compute_tip_jacobian, solve_ik, wrap_near
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.plan.contacts import Contacts, Placement
-from dexplan.plan.tip_roll import TipRoll
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, hat
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dexplan.plan.actions import Action, FingerWay, Hold, MoveObject, Relocate
-from dexplan.plan.contacts import Contacts, Placement, list_holding
-from dexplan.plan.motion import ObjectMotion, rest_at
-from dexplan.plan.phases import PlannedPhase, build_lifting, build_placing, demand_touch
 from dexplan.planning.gait.steps import Step
 from dexplan.planning.ways.travel import Way, describe_detour
+from dexplan.plans.actions import Action, FingerWay, Hold, MoveObject, Relocate
+from dexplan.plans.contacts import Contacts, Placement, list_holding
+from dexplan.plans.motion import ObjectMotion, rest_at
+from dexplan.plans.phases import PlannedPhase, build_lifting, build_placing, demand_touch
 from dexplan.spatial import Array
 
 

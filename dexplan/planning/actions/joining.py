@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dexplan.plan.actions import Action, FingerWay, Hold, MoveObject, Relocate, Roll
-from dexplan.plan.contacts import Contacts, Placement, list_holding
-from dexplan.plan.motion import ObjectMotion, rest_at
-from dexplan.plan.phases import PlannedPhase, build_lifting, build_placing, demand_touch
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.carry import follow_object
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.moves import Move
+from dexplan.plans.actions import Action, FingerWay, Hold, MoveObject, Relocate, Roll
+from dexplan.plans.contacts import Contacts, Placement, list_holding
+from dexplan.plans.motion import ObjectMotion, rest_at
+from dexplan.plans.phases import PlannedPhase, build_lifting, build_placing, demand_touch
 from dexplan.spatial import Array
 
 

@@ -14,13 +14,13 @@ import numpy as np
 
 from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.plan.actions import AbstractAction, Action, FingerWay, Hold, MoveObject, Relocate, Roll
-from dexplan.plan.contacts import Contacts
-from dexplan.plan.pace import Pace, smooth_step
-from dexplan.plan.plan import Plan
-from dexplan.plan.speed import PlannedSpeed
-from dexplan.plan.timing import Timing
 from dexplan.planning.actions.drift import follow_contacts
+from dexplan.plans.actions import AbstractAction, Action, FingerWay, Hold, MoveObject, Relocate, Roll
+from dexplan.plans.contacts import Contacts
+from dexplan.plans.pace import Pace, smooth_step
+from dexplan.plans.plan import Plan
+from dexplan.plans.speed import PlannedSpeed
+from dexplan.plans.timing import Timing
 from dexplan.spatial import Array
 
 A = TypeVar("A", bound=AbstractAction)

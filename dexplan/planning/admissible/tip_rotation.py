@@ -14,9 +14,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from dexplan.errors import spell_apart
-from dexplan.plan.actions import Action
-from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.actions import Action
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
 
 NEAR = float(np.radians(5.0))

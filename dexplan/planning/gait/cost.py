@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plan.actions import Action, count_placements
+from dexplan.plans.actions import Action, count_placements
 
 ROOM = 5.0
 """Clearance [mm] from which on more of it is worth nothing."""

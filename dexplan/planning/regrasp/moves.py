@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dexplan.plan.contacts import Contacts
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.rolling.roll_to_goal import measure_angle
+from dexplan.plans.contacts import Contacts
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
 
 

@@ -19,11 +19,6 @@ from dexplan.errors import spell_apart
 from dexplan.kinematics.arcs import build_travel, compute_hover, refine
 from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.kinematics.following import follow_tip
-from dexplan.plan.actions import Relocate, Roll
-from dexplan.plan.contacts import Placement, list_holding
-from dexplan.plan.motion import rest_at
-from dexplan.plan.phases import PlannedPhase, build_lifting, demand_touch
-from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, compute_finger_states, worst
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
 from dexplan.planning.admissible.separation import compute_pair_angle_max
@@ -33,6 +28,11 @@ from dexplan.planning.admissible.tip_rotation import (
     measure_rotation,
     trace_on_tip,
 )
+from dexplan.plans.actions import Relocate, Roll
+from dexplan.plans.contacts import Placement, list_holding
+from dexplan.plans.motion import rest_at
+from dexplan.plans.phases import PlannedPhase, build_lifting, demand_touch
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
 
 STEP = float(np.radians(1.0))

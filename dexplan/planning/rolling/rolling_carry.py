@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plan.actions import MoveObject
-from dexplan.plan.contacts import Contacts, Placement
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.phases import PlannedPhase, demand_touch
-from dexplan.plan.tip_roll import TipRoll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import end_placement, follow_roll
+from dexplan.plans.actions import MoveObject
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.phases import PlannedPhase, demand_touch
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, rotate_about
 
 STEP = float(np.radians(1.0))

@@ -10,12 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dexplan.plan.actions import Action, MoveObject
-from dexplan.plan.contacts import Contacts, Placement
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import ObjectMotion, rest_at
-from dexplan.plan.phases import PlannedPhase, demand_touch
-from dexplan.plan.plan import Plan
 from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import (
@@ -28,6 +22,12 @@ from dexplan.planning.admissible.admissibility import (
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
+from dexplan.plans.actions import Action, MoveObject
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion, rest_at
+from dexplan.plans.phases import PlannedPhase, demand_touch
+from dexplan.plans.plan import Plan
 from dexplan.spatial import Array, read_only
 
 LIMIT_REACHED = "limit_reached"

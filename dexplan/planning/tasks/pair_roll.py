@@ -15,11 +15,6 @@ from itertools import product
 
 import numpy as np
 
-from dexplan.plan.actions import Roll
-from dexplan.plan.contacts import Placement, list_holding
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import rest_at
-from dexplan.plan.phases import PlannedPhase, demand_touch
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
@@ -27,6 +22,11 @@ from dexplan.planning.gait.escape import DEAR, ENOUGH, count_room_at, find_place
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.rolling.roll_gait import STEP, build_roll, end_placement, follow_roll, judge_ways
 from dexplan.planning.rolling.roll_to_goal import Rolled
+from dexplan.plans.actions import Roll
+from dexplan.plans.contacts import Placement, list_holding
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import rest_at
+from dexplan.plans.phases import PlannedPhase, demand_touch
 from dexplan.spatial import Array, build_frame
 
 HEADINGS = 12

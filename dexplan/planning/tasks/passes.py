@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexplan.plan.actions import Action
-from dexplan.plan.contacts import Contacts
-from dexplan.plan.motion import ObjectMotion
+from dexplan.plans.actions import Action
+from dexplan.plans.contacts import Contacts
+from dexplan.plans.motion import ObjectMotion
 
 GAVE_UP = "budget_exhausted"
 """Status of a plan where the search stopped with ways left: nobody knows whether one of them leads to the goal."""

@@ -12,10 +12,6 @@ from dataclasses import replace
 from itertools import islice
 from typing import Literal
 
-from dexplan.plan.actions import Action
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import rest_at
-from dexplan.plan.plan import Plan
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -24,6 +20,10 @@ from dexplan.planning.rolling.roll_gait import RollPlan, RollToPair, build_roll_
 from dexplan.planning.tasks.ends import Beginning
 from dexplan.planning.tasks.object_manipulation import FIRST, Start, plan_rotation
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
+from dexplan.plans.actions import Action
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import rest_at
+from dexplan.plans.plan import Plan
 from dexplan.spatial import VERTICAL
 
 OPTIONS = 8

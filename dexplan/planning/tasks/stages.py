@@ -12,11 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.plan.actions import Action
-from dexplan.plan.contacts import Contacts, GoalContact, Placement
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import SOLVED, Plan
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
 from dexplan.planning.actions.joining import build_move_actions, enclose, follow_actions
 from dexplan.planning.admissible.admissibility import Admissibility
@@ -40,6 +35,11 @@ from dexplan.planning.tasks.passes import (
     explain_giving_up,
     scale_work,
 )
+from dexplan.plans.actions import Action
+from dexplan.plans.contacts import Contacts, GoalContact, Placement
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import SOLVED, Plan
 from dexplan.spatial import VERTICAL, Array
 
 SEARCH_BUDGET = 160

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from dexplan.plan.actions import Action, MoveObject
-from dexplan.plan.pace import PACES
+from dexplan.plans.actions import Action, MoveObject
+from dexplan.plans.pace import PACES
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from dexplan.plan.actions import Action, FingerWay, Hold, MoveObject, Relocate, Roll
-from dexplan.plan.contacts import Contacts, GoalContact, Placement
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.pace import PACES, Pace
-from dexplan.plan.phases import PlannedPhase
-from dexplan.plan.poses import read_pose, write_pose
-from dexplan.plan.timing import Touchdown
-from dexplan.plan.tip_roll import TipRoll
+from dexplan.plans.actions import Action, FingerWay, Hold, MoveObject, Relocate, Roll
+from dexplan.plans.contacts import Contacts, GoalContact, Placement
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.pace import PACES, Pace
+from dexplan.plans.phases import PlannedPhase
+from dexplan.plans.poses import read_pose, write_pose
+from dexplan.plans.timing import Touchdown
+from dexplan.plans.tip_roll import TipRoll
 
 FORMAT = 2
 """The format that is written."""

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dexplan.plan.actions import Action, Hold, MoveObject, Relocate, Roll
-from dexplan.plan.contacts import Contacts, GoalContact
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.tip_roll import TipRoll
+from dexplan.plans.actions import Action, Hold, MoveObject, Relocate, Roll
+from dexplan.plans.contacts import Contacts, GoalContact
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import angles_from_direction
 
 

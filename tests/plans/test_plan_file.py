@@ -17,7 +17,7 @@ from schema import find_faults
 from dexplan import pipeline
 from dexplan.cli import main
 from dexplan.errors import DexplanError, RunFolderError
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 from dexplan.sim.judge.validate import validate_run
 from dexplan.spatial import as_pose7
@@ -158,7 +158,7 @@ sys.meta_path.insert(0, NoPlanning())
 from pathlib import Path
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import build_reference
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.scene.library import load_scene
 from dexplan.sim.record.rollout import rollout
 

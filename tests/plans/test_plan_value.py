@@ -11,10 +11,10 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.errors import RunFolderError
-from dexplan.plan.actions import Relocate
-from dexplan.plan.phases import MAY, MUST, MUST_NOT
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.actions import Relocate
+from dexplan.plans.phases import MAY, MUST, MUST_NOT
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.spatial import rotate_about
 

@@ -11,11 +11,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from dexplan.brief import brief_repr
-from dexplan.plan.contacts import Contacts
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.pace import Pace
-from dexplan.plan.phases import TRAVEL, PlannedPhase
-from dexplan.plan.tip_roll import TipRoll
+from dexplan.plans.contacts import Contacts
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.pace import Pace
+from dexplan.plans.phases import TRAVEL, PlannedPhase
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, read_only
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dexplan.plan.contacts import Contacts
+from dexplan.plans.contacts import Contacts
 
 MUST, MAY, MUST_NOT = "must", "may", "must_not"
 """Whether a finger has to touch the object throughout a phase, may begin or end to touch in it, or has to stay off."""

@@ -17,14 +17,14 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
-from dexplan.plan.actions import Action
-from dexplan.plan.contacts import Contacts, GoalContact
-from dexplan.plan.file import FORMAT, PlanReader, PlanWriter, read_touchdown, write_touchdown
-from dexplan.plan.format1 import OLD_FORMAT, upgrade
-from dexplan.plan.poses import read_pose, write_pose
-from dexplan.plan.speed import PlannedSpeed
-from dexplan.plan.timing import Touchdown
-from dexplan.plan.words import describe_goal_contacts, explain_action
+from dexplan.plans.actions import Action
+from dexplan.plans.contacts import Contacts, GoalContact
+from dexplan.plans.file import FORMAT, PlanReader, PlanWriter, read_touchdown, write_touchdown
+from dexplan.plans.format1 import OLD_FORMAT, upgrade
+from dexplan.plans.poses import read_pose, write_pose
+from dexplan.plans.speed import PlannedSpeed
+from dexplan.plans.timing import Touchdown
+from dexplan.plans.words import describe_goal_contacts, explain_action
 from dexplan.spatial import Array, read_only
 
 SOLVED = "solved"

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from dexplan.plan.file import write_touchdown
-from dexplan.plan.poses import read_pose, write_pose
-from dexplan.plan.timing import Touchdown
+from dexplan.plans.file import write_touchdown
+from dexplan.plans.poses import read_pose, write_pose
+from dexplan.plans.timing import Touchdown
 
 OLD_FORMAT = 1
 OLD_LIMITS = {"normal_floor_N": 4.0, "normal_ceiling_N": 12.0}
