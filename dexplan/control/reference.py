@@ -145,14 +145,20 @@ class _PhaseBuilder:
     touchdown: Touchdown
 
     def build(self) -> list[Phase]:
-        """Return the phases of the action."""
-        match self.action:
+        """Return the phases of the action.  Raises ValueError where the plan says too little, or what makes no sense."""
+        action, name = self.action, f"action {self.index} ({self.action.name})"
+        if not action.is_timed:
+            raise ValueError(f"{name} has not been timed; time the plan first")
+        expected = 2 + action.has_travel if isinstance(action, Relocate) else 1
+        if len(action.phases) != expected:
+            raise ValueError(f"{name} has {len(action.phases)} phases; {expected} are accepted")
+        match action:
             case Hold():
                 return [self._phase(0)]
             case Roll() | MoveObject():
-                return [self._move(self.action)]
+                return [self._move(action)]
             case Relocate():
-                return self._place(self.action) if self.action.is_placing else self._lift(self.action)
+                return self._place(action) if action.is_placing else self._lift(action)
 
     def _shares(self) -> tuple[Array, Array]:
         """Return the load shares (F,) after the action, and with the changing finger pressing just a little.
@@ -168,8 +174,7 @@ class _PhaseBuilder:
     def _phase(self, k: int, **changes: Any) -> Phase:
         """Return phase ``k`` of the action: the object rests and is held as before, but for the ``changes``."""
         planned = self.action.phases[k]
-        if planned.duration is None:
-            raise ValueError("the plan has not been timed; time it first")
+        assert planned.duration is not None
         before = read_only([float(c is not None) for c in self.before])
         values: dict[str, Any] = {
             "object_path": ObjectPath(self.action.motion, REST),
@@ -181,8 +186,7 @@ class _PhaseBuilder:
         return Phase(self.index, k, planned.name, planned.duration, **values)
 
     def _move(self, action: Roll | MoveObject) -> Phase:
-        if action.pace is None:
-            raise ValueError("the plan has not been timed; time it first")
+        assert action.pace is not None
         path = ObjectPath(action.motion, action.pace)
         return self._phase(
             0, object_path=path, rolls={roll.finger: roll for roll in action.rolls}, **_travel(action.ways)

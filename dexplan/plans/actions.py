@@ -23,7 +23,8 @@ from dexplan.spatial import Array, read_only
 class FingerWay:
     """How a free finger travels: ``finger`` passes ``postures`` (K, J) [rad] at even shares of its way, on a spline.
 
-    ``is_detour``: something is in the way of the arc that the finger would take, and the way goes around it.
+    ``is_detour``: something is in the way of the arc that the finger would take, and the way goes around it.  Raises ValueError
+    for fewer than two postures.
     """
 
     finger: int
@@ -34,6 +35,8 @@ class FingerWay:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "postures", read_only(self.postures))
+        if self.postures.ndim != 2 or len(self.postures) < 2:
+            raise ValueError(f"a way of shape {self.postures.shape}; (K, J) with K of 2 or more is accepted")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,7 +79,7 @@ class AbstractAction(ABC):
 
     @property
     def is_timed(self) -> bool:
-        """Whether the durations of all phases are known."""
+        """Whether the action has all ways and times that a controller needs."""
         return all(phase.duration is not None for phase in self.phases)
 
     @property
@@ -113,6 +116,10 @@ class Roll(AbstractAction):
     def name(self) -> str:
         return "roll"
 
+    @property
+    def is_timed(self) -> bool:
+        return super().is_timed and self.pace is not None
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MoveObject(AbstractAction):
@@ -129,6 +136,10 @@ class MoveObject(AbstractAction):
     def name(self) -> str:
         return "move_object"
 
+    @property
+    def is_timed(self) -> bool:
+        return super().is_timed and self.pace is not None
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Relocate(AbstractAction):
@@ -141,6 +152,10 @@ class Relocate(AbstractAction):
     @property
     def name(self) -> str:
         return "place" if self.is_placing else "lift"
+
+    @property
+    def is_timed(self) -> bool:
+        return super().is_timed and (bool(self.ways) or not self.has_travel)
 
     @property
     def is_placing(self) -> bool:

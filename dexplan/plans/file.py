@@ -13,7 +13,7 @@ import numpy as np
 from dexplan.plans.actions import Action, FingerWay, Hold, MoveObject, Relocate, Roll
 from dexplan.plans.contacts import Contacts, GoalContact, Placement
 from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.pace import PACES, Pace
+from dexplan.plans.pace import Pace
 from dexplan.plans.phases import PlannedPhase
 from dexplan.plans.poses import read_pose, write_pose
 from dexplan.plans.timing import Touchdown
@@ -159,7 +159,11 @@ class PlanReader:
             "grasping": tuple(self._index[name] for name in data["grasping"]),
             "contacts_end": self.read_contacts(data["contacts_end"]),
             "phases": tuple(
-                PlannedPhase(p["name"], tuple(p["touch"][name] for name in self._names), p["duration_s"])
+                PlannedPhase(
+                    p["name"],
+                    tuple(p["touch"][name] for name in self._names),
+                    None if p["duration_s"] is None else float(p["duration_s"]),
+                )
                 for p in data["phases"]
             ),
             "why": data["why"],
@@ -177,10 +181,10 @@ class PlanReader:
     def _read_pace(self, data: Mapping[str, Any]) -> dict[str, Any]:
         """Return what only actions with a motion in time have."""
         pace = data["pace"]
-        if pace is not None and pace["limit"] not in PACES:
-            raise ValueError(f"action {data['index']} has the unknown limit {pace['limit']!r}")
         return {
-            "pace": None if pace is None else Pace(pace["duration_s"], pace["ramp_s"], pace["limit"]),
+            "pace": None
+            if pace is None
+            else Pace(float(pace["duration_s"]), float(pace["ramp_s"]), str(pace["limit"])),
             "rolls": tuple(
                 TipRoll(self._index[r["finger"]], np.stack([read_pose(X) for X in r["X_OF"]]), r["normal_O"])
                 for r in data["rolls"]
@@ -209,4 +213,4 @@ def write_touchdown(touchdown: Touchdown) -> dict[str, float]:
 
 def read_touchdown(data: Mapping[str, float]) -> Touchdown:
     """Return what :func:`write_touchdown` wrote."""
-    return Touchdown(data["hover_m"], data["speed_m_s"], data["timeout_s"], data["light_load"])
+    return Touchdown(*(float(data[name]) for name in ("hover_m", "speed_m_s", "timeout_s", "light_load")))

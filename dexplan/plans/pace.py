@@ -29,12 +29,21 @@ class Progress(NamedTuple):
 class Pace:
     """A motion of the object takes ``duration`` [s].  Its speed rises and falls over ``ramp`` [s] along a raised cosine.
 
-    ``limit`` says what keeps the motion from being faster, one of :data:`PACES`' keys.
+    ``limit`` says what keeps the motion from being faster, one of :data:`PACES`' keys.  Raises ValueError for any other, and for
+    times that are not positive.
     """
 
     duration: float
     ramp: float
     limit: str
+
+    def __post_init__(self) -> None:
+        if not (self.duration > 0.0 and self.ramp > 0.0):
+            raise ValueError(
+                f"a motion of {self.duration} s with ramps of {self.ramp} s; more than 0 is accepted"
+            )
+        if self.limit not in PACES:
+            raise ValueError(f"the unknown limit {self.limit!r}; {', '.join(PACES)} are accepted")
 
     @property
     def greatest_rate(self) -> float:

@@ -17,11 +17,16 @@ class PlannedPhase:
     """One phase: its name, a demand per finger, and how long it is planned to take [s].
 
     ``duration`` is None until the plan has been timed.  The controller ends the phase "approach" when the finger touches.
+    Raises ValueError for a duration that is not positive.
     """
 
     name: str
     touch: tuple[str, ...]
     duration: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.duration is not None and not self.duration > 0.0:
+            raise ValueError(f"phase {self.name} takes {self.duration} s; more than 0 is accepted")
 
 
 def demand_touch(contacts: Contacts, changing: int | None = None) -> tuple[str, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -225,6 +227,19 @@ def test_travel_ends_where_the_approach_begins(problem: Problem, reference: Refe
     assert back.finger is not None
     assert back.postures is not None
     np.testing.assert_allclose(back.postures[-1], fingers[back.finger].q_home, atol=1e-12)
+
+
+def test_a_plan_that_says_too_little_makes_no_reference(plan: Plan) -> None:
+    k = next(k for k, action in enumerate(plan.actions) if action.name == "place")
+    place = plan.actions[k]
+    untimed = tuple(replace(phase, duration=None) for phase in place.phases)
+    for action, what in (
+        (replace(place, ways=()), "has not been timed"),
+        (replace(place, phases=untimed), "has not been timed"),
+        (replace(place, phases=place.phases[:2]), "has 2 phases; 3 are accepted"),
+    ):
+        with pytest.raises(ValueError, match=what):
+            build_reference(replace(plan, actions=(*plan.actions[:k], action)))
 
 
 def test_start_carries_the_contacts_of_the_plan(plan: Plan, reference: Reference) -> None:
