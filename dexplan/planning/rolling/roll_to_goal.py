@@ -19,7 +19,7 @@ from dexplan.planning.rolling.roll_gait import (
     follow_roll,
     judge_ways,
 )
-from dexplan.plans.contacts import Placement
+from dexplan.plans.contacts import Contacts
 from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
 
@@ -28,7 +28,6 @@ ROLL_REACH = float(np.radians(45.0))
 
 WIDER = np.radians((0.5, 3.0, 8.0))
 """How much wider than needed a pair is rolled apart [rad]."""
-Contacts = tuple[Placement | None, ...]
 
 
 @dataclass(frozen=True, eq=False)

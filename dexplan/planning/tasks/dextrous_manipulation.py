@@ -97,7 +97,7 @@ def _plan_in_order(
     is_simultaneous: bool = False,
 ) -> Plan:
     """Return the plan that adjusts the grasp after the first of ``shares`` of the object's way at which that works."""
-    whole = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
+    whole = goal.motion
     ways = [(whole.part(0.0, share), whole.part(share, 1.0)) for share in shares]
     detours = _choose_detours(stages, goal) if len(shares) > 1 and goal.is_attitude else []
     ways += detours[:MOST]
@@ -121,8 +121,7 @@ def _choose_detours(stages: Stages, goal: RotationGoal) -> list[tuple[ObjectMoti
             X_WO = ObjectMotion(end, axis, -angle, np.zeros(3)).X_WO_end
             if not stages.land_goal(X_WO)[1]:
                 there = RotationGoal.from_attitude(goal.X_WO_start, X_WO[:3, :3], goal.shift_W)
-                before = ObjectMotion(goal.X_WO_start, there.axis_W, there.angle, there.shift_W)
-                ways.append((before, ObjectMotion(X_WO, axis, angle, np.zeros(3))))
+                ways.append((there.motion, ObjectMotion(X_WO, axis, angle, np.zeros(3))))
     return ways
 
 

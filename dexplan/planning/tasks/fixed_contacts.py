@@ -116,7 +116,7 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
     if not plan.is_solved:
         return plan
     admissibility = Admissibility(hand)
-    motion = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
+    motion = goal.motion
     contacts = tuple(
         c if c is None or _is_pose_given(start, c.finger) else center_spin(hand, c, motion)
         for c in plan.start_contacts
