@@ -228,6 +228,16 @@ def test_a_plan_of_format_1_is_not_run() -> None:
     assert "\n" not in str(refused.value)
 
 
+def test_a_plan_of_format_1_whose_fingers_travel_meanwhile_is_not_timed(plans: dict[str, Plan]) -> None:
+    """Their arcs were not written, so nothing would bring the finger over its contact."""
+    data = {**as_compared(plans["simultaneous"]), "statistics": {}}
+    assert data["format"] == 1
+    old = Plan.from_dict(data)
+    assert old.explain() == plans["simultaneous"].explain()
+    with pytest.raises(ValueError, match=r"no way of finger_3; plan again"):
+        pipeline.time_plan(load_problem(*QUESTIONS["simultaneous"]), old)
+
+
 def test_a_run_folder_of_format_1_still_validates(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """A hold of 0.6 s, recorded before there was a format 2."""
     folder = tmp_path / "run"

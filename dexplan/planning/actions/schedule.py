@@ -34,14 +34,14 @@ def time_plan(plan: Plan, fingers: Sequence[FingerDescription], timing: Timing) 
     """Return the plan with the arcs of its free fingers, the durations of its phases and the speed that is reached.
 
     A plan that has been timed before is timed anew: detours, and ways during a motion of the object, stay; arcs are made again.
+    Raises ValueError where a finger would have to travel during a motion that does not know its way, as in files of format 1.
     """
-    schedule = _Schedule(
-        tuple(fingers), timing, {c.finger: c.q for c in plan.start_contacts if c is not None}
-    )
     if not plan.actions:
         return plan
-    actions: list[Action] = []
+    _check_travels(plan)
     contacts = plan.start_contacts
+    schedule = _Schedule(tuple(fingers), timing, {c.finger: c.q for c in contacts if c is not None})
+    actions: list[Action] = []
     for index, action in enumerate(plan.actions):
         actions.append(schedule.time(action, contacts, is_first=index == 0))
         contacts = action.contacts_end
@@ -144,6 +144,18 @@ class _Schedule:
         share = np.array([smooth_step(t) for t in np.linspace(0.0, 1.0, BEND_LOOKS)])
         bends = np.gradient(np.gradient(interpolate(postures, share), axis=0), axis=0) * (BEND_LOOKS - 1) ** 2
         return max(duration, float(np.sqrt(np.abs(bends).max() / self.timing.joint_acceleration)))
+
+
+def _check_travels(plan: Plan) -> None:
+    """Raise ValueError unless a motion of the object brings the finger of each relocation that has no travel of its own."""
+    for k, action in enumerate(plan.actions):
+        if isinstance(action, Relocate) and not action.has_travel:
+            beside = k - 1 if action.is_placing else k + 1
+            moving = plan.actions[beside] if 0 <= beside < len(plan.actions) else None
+            if moving is None or all(way.finger != action.finger for way in moving.ways):
+                raise ValueError(
+                    f"action {k} ({action.name}): the motion beside it has no way of {plan.fingers[action.finger]}; plan again"
+                )
 
 
 def _find_detour(action: Relocate) -> FingerWay | None:
