@@ -99,6 +99,25 @@ def test_imports_stay_within_what_the_room_may_see(path: Path) -> None:
     assert not wrong, f"{_name(path)} may not import: {'; '.join(wrong)}"
 
 
+def _doors(room: str) -> set[str]:
+    """Return what the ``__init__`` of a room lets others import: the modules in its ``__all__``."""
+    text = (PACKAGE / room.replace(".", "/") / "__init__.py").read_text(encoding="utf-8")
+    (names,) = (node for node in ast.parse(text).body if isinstance(node, ast.Assign))
+    return set(ast.literal_eval(names.value))
+
+
+@pytest.mark.parametrize("path", FILES, ids=_name)
+def test_rooms_are_entered_by_their_doors(path: Path) -> None:
+    """What is not in the ``__all__`` of a room is nobody else's business."""
+    wrong = []
+    for target, line in _imported_files(path):
+        room = _room(target)
+        is_inside = _room(path) == room or target.parent == PACKAGE or target.name == "__init__.py"
+        if not is_inside and target.stem not in _doors(room):
+            wrong.append(f"line {line}: {_name(target)}")
+    assert not wrong, f"{_name(path)} goes through walls: {'; '.join(wrong)}"
+
+
 def _find_circles(arrows: dict[str, set[str]]) -> set[frozenset[str]]:
     """Return the strongly connected sets of more than one node."""
 
