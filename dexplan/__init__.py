@@ -11,6 +11,8 @@ from importlib.metadata import PackageNotFoundError, version
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from dexplan.moved import keep_old_names
+
 if TYPE_CHECKING:
     from dexplan.pipeline import plan, render, rollout, validate
     from dexplan.plan.plan import Plan
@@ -85,3 +87,4 @@ class _Front(ModuleType):
 
 
 sys.modules[__name__].__class__ = _Front
+keep_old_names()

@@ -22,7 +22,7 @@ def _see(names: str, third_party: str = "") -> Room:
     return Room(frozenset(names.split()), frozenset(third_party.split()))
 
 
-GROUND = "errors spatial brief icosphere"
+GROUND = "errors spatial brief icosphere moved"
 MATH = "numpy scipy"
 ALL = (
     f"{GROUND} contact grasp kinematics plan scene planning control sim models viz witness problems cli commands pipeline "
@@ -33,6 +33,7 @@ ROOMS = {
     # storey 0
     "errors": _see(""),
     "spatial": _see("errors", MATH),
+    "moved": _see(""),
     "brief": _see("", MATH),
     "icosphere": _see("brief spatial", MATH),
     # storey 1

@@ -102,8 +102,8 @@ def test_imports_stay_within_what_the_room_may_see(path: Path) -> None:
 def _doors(room: str) -> set[str]:
     """Return what the ``__init__`` of a room lets others import: the modules in its ``__all__``."""
     text = (PACKAGE / room.replace(".", "/") / "__init__.py").read_text(encoding="utf-8")
-    (names,) = (node for node in ast.parse(text).body if isinstance(node, ast.Assign))
-    return set(ast.literal_eval(names.value))
+    assigned = (node for node in ast.parse(text).body if isinstance(node, ast.Assign))
+    return next(set(ast.literal_eval(n.value)) for n in assigned if ast.unparse(n.targets[0]) == "__all__")
 
 
 @pytest.mark.parametrize("path", FILES, ids=_name)

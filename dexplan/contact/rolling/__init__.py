@@ -23,4 +23,8 @@ A tip of 18 mm touches a ball of 35 mm with its pole, and rolls 20 degrees along
 ('found', 12.2)
 """
 
+from dexplan.moved import forward
+
 __all__ = ["candidates", "curves", "manoeuvre", "path", "roll_to", "turning"]
+
+__getattr__ = forward(__name__, ["dexplan.contact.rolling.curves"])

@@ -24,4 +24,8 @@ Two soft fingers on opposite sides of a 60 g ball carry its weight and squeeze w
 ('solved', [5.0, 5.0])
 """
 
+from dexplan.moved import forward
+
 __all__ = ["certificate", "diagnosis", "problem", "program", "solution", "solver"]
+
+__getattr__ = forward(__name__, ["dexplan.grasp.force.solver", "dexplan.grasp.force.problem"])

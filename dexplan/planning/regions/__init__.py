@@ -16,4 +16,8 @@ A cap of 57.6 degrees around an axis, which is where a second soft finger has to
 (True, False)
 """
 
+from dexplan.moved import forward
+
 __all__ = ["regions", "sampling", "spherical", "theorems"]
+
+__getattr__ = forward(__name__, ["dexplan.planning.regions.regions", "dexplan.planning.admissible.order"])
