@@ -4,7 +4,13 @@
 
 from __future__ import annotations
 
+import ast
 from dataclasses import dataclass
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1] / "dexplan"
+FIRST_MARK, LAST_MARK = "<!-- rooms: written by scripts/architecture -->", "<!-- end of rooms -->"
+"""What the table stands between in ``docs/architecture.md``."""
 
 
 @dataclass(frozen=True)
@@ -87,3 +93,49 @@ ROOMS = {
 """Every room, floor by floor: what stands below may not import what stands above."""
 WITH_FLOORS = {"contact", "grasp", "planning", "sim"}
 """Rooms that have sub-rooms."""
+
+
+def read_sentence(room: str) -> str:
+    """Return what a room says of itself: the first line of its ``__init__``, or of the module."""
+    place = PACKAGE / room.replace(".", "/")
+    file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    if room == "models":
+        return "MJCF files, every element named; they stand at the top of the repository."
+    return (
+        (ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or "")
+        .split("\n\n")[0]
+        .replace("\n", " ")
+    )
+
+
+def _spell_rooms(room: Room) -> str:
+    """Return which rooms one may import, short: what stands below everything as *ground*."""
+    if set(ALL.split()) <= room.rooms:
+        return "all"
+    ground = set(GROUND.split())
+    others = [f"`{name}`" for name in ROOMS if name in room.rooms - ground]
+    below = [f"`{name}`" for name in GROUND.split() if name in room.rooms]
+    return ", ".join((["*ground*"] if ground <= room.rooms else below) + others) or "–"
+
+
+def describe_rooms() -> str:
+    """Return the table of rooms as Markdown, as it stands in ``docs/architecture.md``."""
+    ground = ", ".join(f"`{name}`" for name in GROUND.split())
+    lines = [
+        f"*Ground* stands for {ground}; a room with sub-rooms stands for all of them.",
+        "",
+        "| room | what it answers | may import | third-party |",
+        "| --- | --- | --- | --- |",
+    ]
+    for name, room in ROOMS.items():
+        packages = ", ".join(sorted(room.third_party)) or "–"
+        sentence = read_sentence(name).replace("|", "\\|")
+        lines.append(f"| `{name}` | {sentence} | {_spell_rooms(room)} | {packages} |")
+    return "\n".join(lines) + "\n"
+
+
+def rewrite(page: str) -> str:
+    """Return the text of ``docs/architecture.md`` with the table of rooms as it is now."""
+    before, _, rest = page.partition(FIRST_MARK)
+    _, _, after = rest.partition(LAST_MARK)
+    return f"{before}{FIRST_MARK}\n{describe_rooms()}{LAST_MARK}{after}"
