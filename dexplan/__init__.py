@@ -5,17 +5,15 @@ The public names load when they are first used, so ``import dexplan`` stays ligh
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dexplan.moved import keep_old_names
 
 if TYPE_CHECKING:
     from dexplan.pipeline import plan, render, rollout, validate
-    from dexplan.plan.plan import Plan
+    from dexplan.plans.plan import Plan
     from dexplan.problems.problem import Problem
     from dexplan.problems.read import load_problem
     from dexplan.scene.library import load_scene
@@ -39,7 +37,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Plan": "dexplan.plan.plan",
+    "Plan": "dexplan.plans.plan",
     "Problem": "dexplan.problems.problem",
     "Trace": "dexplan.sim.trace",
     "ValidationReport": "dexplan.sim.judge.validate",
@@ -72,19 +70,4 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-class _Front(ModuleType):
-    """This module's type: public names stay what they are when a room of the same name is imported.
-
-    ``dexplan.plan`` is the verb, and the room of plans has its name.  Importing a room sets it as an attribute here, so that
-    ``dx.plan(problem)`` would call a module as soon as anything had imported a plan; ``from dexplan.plan.plan import Plan``
-    needs no such attribute.
-    """
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if name in _HOMES and isinstance(value, ModuleType):
-            return
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Front
 keep_old_names()

@@ -31,10 +31,10 @@ def _see(names: str, third_party: str = "") -> Room:
 GROUND = "errors spatial brief icosphere moved"
 MATH = "numpy scipy"
 ALL = (
-    f"{GROUND} contact grasp kinematics plan scene planning control sim models viz witness problems cli commands pipeline "
+    f"{GROUND} contact grasp kinematics plans scene planning control sim models viz witness problems cli commands pipeline "
     "run_folder terminal usage __init__"
 )
-KNOWN = f"{GROUND} contact grasp kinematics plan scene"
+KNOWN = f"{GROUND} contact grasp kinematics plans scene"
 ROOMS = {
     # storey 0
     "errors": _see(""),
@@ -53,7 +53,7 @@ ROOMS = {
     "kinematics": _see(f"{GROUND} contact", f"{MATH} platformdirs"),
     # storey 2
     "models": _see(""),
-    "plan": _see(f"{GROUND} contact grasp kinematics", MATH),
+    "plans": _see(f"{GROUND} contact grasp kinematics", MATH),
     "scene": _see(f"{GROUND} contact grasp kinematics models", f"{MATH} mujoco dm_control"),
     # storey 3
     "planning": _see(KNOWN, MATH),

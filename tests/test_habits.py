@@ -72,7 +72,7 @@ def test_rooms_of_theory_are_strictly_typed() -> None:
         "contact",
         "grasp",
         "kinematics",
-        "plan",
+        "plans",
     }
     assert strict["warn_return_any"]
     assert strict["disallow_any_generics"]

@@ -19,7 +19,7 @@ MOST_FLOORS = 5
 """Floors of rooms in ``planning`` at most."""
 KNOWN_CIRCLES: frozenset[frozenset[str]] = frozenset(
     {
-        frozenset({"plan/plan.py", "plan/words.py"}),
+        frozenset({"plans/plan.py", "plans/words.py"}),
         frozenset(
             {
                 "problems/check.py",
@@ -234,7 +234,7 @@ def _loaded_after(modules: list[str]) -> set[str]:
     return set(done.stdout.split())
 
 
-@pytest.mark.parametrize("room", ["contact", "grasp", "kinematics", "plan", "planning"])
+@pytest.mark.parametrize("room", ["contact", "grasp", "kinematics", "plans", "planning"])
 def test_theory_does_not_load_mujoco(room: str) -> None:
     files = [f for f in FILES if _room(f).split(".")[0] == room]
     modules = [".".join(["dexplan", *f.relative_to(PACKAGE).with_suffix("").parts]) for f in files]
@@ -254,3 +254,11 @@ def test_import_dexplan_is_light() -> None:
     }
     heavy = {"mujoco", "matplotlib", "dm_control", "mink"}
     assert not _loaded_after(["dexplan.cli", "dexplan.problems.read"]) & heavy
+
+
+def test_no_room_hides_a_public_name() -> None:
+    """A module ``dexplan.x``, once imported, replaces whatever else ``dexplan.x`` was: verbs are no names for rooms."""
+    modules = {path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in FILES}
+    import dexplan
+
+    assert not set(dexplan.__all__) & modules
