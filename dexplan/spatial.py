@@ -93,7 +93,8 @@ def as_pose7(X: Array) -> Array:
 def rotate_about(axis: ArrayLike, angle: ArrayLike) -> Array:
     """Return the rotation matrices (..., 3, 3) about the unit ``axis`` (3,) by ``angle`` (...) [rad]."""
     rotvec = np.asarray(angle, dtype=np.float64)[..., None] * np.asarray(axis, dtype=np.float64)
-    return Rotation.from_rotvec(rotvec).as_matrix()
+    R: Array = Rotation.from_rotvec(rotvec).as_matrix()
+    return R
 
 
 def rotation_vector(R: Array) -> Array:

@@ -8,7 +8,7 @@ the touch sensor of that finger answers.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -171,53 +171,57 @@ class _PhaseBuilder:
         )
         return read_only(after), read_only(np.where(before == after, before, self.touchdown.light_load))
 
-    def _phase(self, k: int, **changes: Any) -> Phase:
-        """Return phase ``k`` of the action: the object rests and is held as before, but for the ``changes``."""
+    def _phase(self, k: int) -> Phase:
+        """Return phase ``k`` of the action for an object that rests and is held as before."""
         planned = self.action.phases[k]
         assert planned.duration is not None
         before = read_only([float(c is not None) for c in self.before])
-        values: dict[str, Any] = {
-            "object_path": ObjectPath(self.action.motion, REST),
-            "holding": list_holding(self.before),
-            "load_start": before,
-            "load_end": before,
-            **changes,
-        }
-        return Phase(self.index, k, planned.name, planned.duration, **values)
+        rest, holding = ObjectPath(self.action.motion, REST), list_holding(self.before)
+        return Phase(self.index, k, planned.name, planned.duration, rest, holding, before, before)
 
     def _move(self, action: Roll | MoveObject) -> Phase:
         assert action.pace is not None
+        rolls = {roll.finger: roll for roll in action.rolls}
         path = ObjectPath(action.motion, action.pace)
-        return self._phase(
-            0, object_path=path, rolls={roll.finger: roll for roll in action.rolls}, **_travel(action.ways)
-        )
+        return replace(self._phase(0), object_path=path, rolls=rolls, **_travel(action.ways))
 
     def _place(self, action: Relocate) -> list[Phase]:
         finger = action.finger
         placement = action.contacts_end[finger]
         assert placement is not None
         after, light = self._shares()
-        landing = {"finger": finger, "X_OF": placement.X_OF, "normal_O": placement.normal_O}
         # Where the object's motion before has brought the finger here there is no way left.
         k = int(action.has_travel)
-        return [
-            *([self._phase(0, **_travel(action.ways))] if k else []),
-            self._phase(k, **landing, gap_start=self.touchdown.hover, ends_on_touch=True),
-            self._phase(k + 1, holding=list_holding(action.contacts_end), load_start=light, load_end=after),
-        ]
+        approach = replace(
+            self._phase(k),
+            finger=finger,
+            X_OF=placement.X_OF,
+            normal_O=placement.normal_O,
+            gap_start=self.touchdown.hover,
+            ends_on_touch=True,
+        )
+        load = replace(
+            self._phase(k + 1),
+            holding=list_holding(action.contacts_end),
+            load_start=light,
+            load_end=after,
+        )
+        return [*([replace(self._phase(0), **_travel(action.ways))] if k else []), approach, load]
 
     def _lift(self, action: Relocate) -> list[Phase]:
         finger = action.finger
         placement = self.before[finger]
         assert placement is not None
         after, light = self._shares()
-        two = {"holding": list_holding(action.contacts_end), "load_start": after, "load_end": after}
-        retreat = {"finger": finger, "normal_O": placement.normal_O, "gap_end": self.touchdown.hover}
-        return [
-            self._phase(0, load_end=light),
-            self._phase(1, **two, **retreat),
-            *([self._phase(2, **two, **_travel(action.ways))] if action.has_travel else []),
-        ]
+        unload = replace(self._phase(0), load_end=light)
+        gone, *travel = (
+            replace(
+                self._phase(k), holding=list_holding(action.contacts_end), load_start=after, load_end=after
+            )
+            for k in range(1, len(action.phases))
+        )
+        retreat = replace(gone, finger=finger, normal_O=placement.normal_O, gap_end=self.touchdown.hover)
+        return [unload, retreat, *(replace(phase, **_travel(action.ways)) for phase in travel)]
 
 
 def _travel(ways: tuple[FingerWay, ...]) -> dict[str, Any]:

@@ -101,6 +101,7 @@ class Hold(AbstractAction):
 
     @property
     def name(self) -> str:
+        """What the action is called in files, captions and reports."""
         return "hold"
 
 
@@ -114,10 +115,12 @@ class Roll(AbstractAction):
 
     @property
     def name(self) -> str:
+        """What the action is called in files, captions and reports."""
         return "roll"
 
     @property
     def is_timed(self) -> bool:
+        """Whether the action has all ways and times that a controller needs."""
         return super().is_timed and self.pace is not None
 
 
@@ -134,10 +137,12 @@ class MoveObject(AbstractAction):
 
     @property
     def name(self) -> str:
+        """What the action is called in files, captions and reports."""
         return "move_object"
 
     @property
     def is_timed(self) -> bool:
+        """Whether the action has all ways and times that a controller needs."""
         return super().is_timed and self.pace is not None
 
 
@@ -151,10 +156,12 @@ class Relocate(AbstractAction):
 
     @property
     def name(self) -> str:
+        """What the action is called in files, captions and reports."""
         return "place" if self.is_placing else "lift"
 
     @property
     def is_timed(self) -> bool:
+        """Whether the action has all ways and times that a controller needs."""
         return super().is_timed and (bool(self.ways) or not self.has_travel)
 
     @property

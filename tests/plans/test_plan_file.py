@@ -15,7 +15,6 @@ import pytest
 from schema import find_faults
 
 from dexplan import pipeline
-from dexplan.cli import main
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
@@ -24,8 +23,9 @@ from dexplan.witness.digests import as_compared
 
 HERE = Path(__file__).parent
 SCHEMA = json.loads((HERE.parents[1] / "docs" / "plan.schema.json").read_text(encoding="utf-8"))
-DATA = HERE.parent / "data"
-OLD_PLAN, OLD_RUN = DATA / "plan_format_1.json", DATA / "run_format_1"
+OLD_PLAN = HERE / "format_1.json"
+"""The short turn below, as version 0.1.0 planned it."""
+OLD_RUN = HERE.parent / "old_runs" / "hold_two"
 SHORT_TURN: dict[str, object] = {
     "goal.rotation.angle_deg": 15.0,
     "start.contacts_deg": [[36.0, 0.0], [180.0, 0.0], "free"],
@@ -236,17 +236,6 @@ def test_a_plan_of_format_1_whose_fingers_travel_meanwhile_is_not_timed(plans: d
     assert old.explain() == plans["simultaneous"].explain()
     with pytest.raises(ValueError, match=r"no way of finger_3; plan again"):
         pipeline.time_plan(load_problem(*QUESTIONS["simultaneous"]), old)
-
-
-def test_a_run_folder_of_format_1_still_validates(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """A hold of 0.6 s, recorded before there was a format 2."""
-    folder = tmp_path / "run"
-    folder.mkdir()
-    for file in OLD_RUN.iterdir():
-        (folder / file.name).write_bytes(file.read_bytes())
-    assert main(["validate", str(folder)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("PASS hold_two")
-    assert (folder / "plan.json").read_bytes() == (OLD_RUN / "plan.json").read_bytes()
 
 
 def test_the_judge_reads_both_formats_alike() -> None:
