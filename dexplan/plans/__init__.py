@@ -11,6 +11,7 @@
 ``timing``    ``Timing``: how long things take, and how fast they may go
 ``speed``     how fast the object turns, and what keeps it from turning faster
 ``goal``      ``RotationGoal``: a turn and shift of the object, or an attitude
+``poses``     poses as they stand in ``plan.json``: seven numbers, rounded
 ============  ==================================================================================
 
 >>> import numpy as np
@@ -28,6 +29,7 @@ __all__ = [
     "pace",
     "phases",
     "plan",
+    "poses",
     "speed",
     "timing",
     "tip_roll",
