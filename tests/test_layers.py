@@ -101,15 +101,6 @@ MOST_FLOORS = 5
 KNOWN_CIRCLES: frozenset[frozenset[str]] = frozenset(
     {
         frozenset({"plan/plan.py", "plan/words.py"}),
-        frozenset(
-            {
-                "problems/check.py",
-                "problems/derived.py",
-                "problems/override.py",
-                "problems/problem.py",
-                "problems/read.py",
-            }
-        ),
     }
 )
 """Files that import one another.  This list only shrinks."""

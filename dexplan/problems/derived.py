@@ -11,7 +11,7 @@ import unicodedata
 from collections.abc import Mapping
 from typing import Any
 
-from dexplan.problems.problem import FrictionSection, HandSection
+from dexplan.problems.sections import FrictionSection, HandSection
 
 PATCH_PER_TIP = 0.3
 """``torsional_m`` may be at most this times sliding times tip radius: a patch about half as wide as the tip [Hertz]."""
