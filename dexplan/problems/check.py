@@ -44,6 +44,7 @@ def check_problem(problem: ProblemFields, source: str) -> None:
         _check_object,
         _check_hand,
         _check_friction,
+        _check_forces,
         _check_start,
         _check_goal,
         _check_rest,
@@ -132,6 +133,20 @@ def _check_friction(problem: ProblemFields, source: str) -> None:
         named = math.floor(highest * 1e7) / 1e7 or highest
         accepted = f"accepted: at most 0.3 * sliding * smallest tip radius = {named:.7g} m"
         raise ProblemError(source, "friction.torsional_m", fact, accepted)
+
+
+def _check_forces(problem: ProblemFields, source: str) -> None:
+    """Refuse a least normal force above the one aimed at, and one aimed at above the greatest."""
+    forces = problem.forces
+    accepted = "accepted: normal_floor_N <= normal_N <= normal_ceiling_N"
+    if forces.normal_floor_N > forces.normal_N:
+        fact = f"{spell(forces.normal_floor_N)} is more than the {spell(forces.normal_N)} of forces.normal_N"
+        raise ProblemError(source, "forces.normal_floor_N", fact, accepted)
+    if forces.normal_N > forces.normal_ceiling_N:
+        fact = (
+            f"{spell(forces.normal_ceiling_N)} is less than the {spell(forces.normal_N)} of forces.normal_N"
+        )
+        raise ProblemError(source, "forces.normal_ceiling_N", fact, accepted)
 
 
 def _check_start(problem: ProblemFields, source: str) -> None:

@@ -16,6 +16,8 @@ import numpy as np
 import tomli_w
 
 from dexplan.brief import brief_repr
+from dexplan.plan.forces import NormalForces
+from dexplan.planning.admissible.limits import CLEARANCE_MM, JOINT_MARGIN_DEG, AdmissibleLimits
 from dexplan.spatial import Array, direction_from_angles, read_only
 
 FORMAT = 1
@@ -224,6 +226,32 @@ class ControlSection:
 
 
 @dataclass(frozen=True)
+class ForcesSection:
+    """How hard a contact presses that bears its full load; ``normal_floor_N <= normal_N <= normal_ceiling_N``."""
+
+    normal_N: float = NormalForces.target
+    """What a contact aims at; less where the object is so light that tips would stand too deep in it."""
+    normal_floor_N: float = NormalForces.floor
+    """Least normal force; a file that leaves it out gets less than this where ``normal_N`` is less than usual."""
+    normal_ceiling_N: float = NormalForces.ceiling
+    """Greatest normal force; a file that leaves it out gets ``normal_N`` where that is more."""
+
+
+@dataclass(frozen=True)
+class MarginsSection:
+    """What plans leave to spare.  The judge's limits stay where they are: see ``[acceptance]`` for those."""
+
+    joint_deg: float = JOINT_MARGIN_DEG
+    """Distance of holding fingers' joints to their limits; free fingers keep 4 degrees, or this if it is less."""
+    clearance_mm: float = CLEARANCE_MM
+    """Distance between bodies that are not to touch."""
+    cone_share: float = AdmissibleLimits.cone_share
+    """Share of the believed friction cone that planned forces may use."""
+    torque_share: float = AdmissibleLimits.torque_share
+    """Share of the torque limits that planned forces may use; the controller may use 0.07 more."""
+
+
+@dataclass(frozen=True)
 class ProblemFields:
     """One manipulation problem: scene, overrides of it, start, goal, means, and the limits it is judged by.
 
@@ -243,6 +271,8 @@ class ProblemFields:
     gait: GaitSection = field(default_factory=GaitSection)
     obstacles: tuple[Obstacle, ...] = ()
     control: ControlSection = field(default_factory=ControlSection)
+    forces: ForcesSection = field(default_factory=ForcesSection)
+    margins: MarginsSection = field(default_factory=MarginsSection)
     acceptance: Mapping[str, bool | float] = field(default_factory=FrozenMap)
 
     __repr__ = brief_repr

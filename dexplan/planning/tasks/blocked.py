@@ -94,7 +94,7 @@ def explain_contact(
         )
         return (
             Condition.JOINTS,
-            f"{name} would be {left}, and {np.degrees(limits.joint_margin):.0f} deg are kept",
+            f"{name} would be {left}, and {np.degrees(limits.joint_margin):.3g} deg are kept",
         )
     if float(estimate_dexterity(chain, q[None])[0]) < limits.dexterity:
         return Condition.POSTURE, "its posture would be nearly singular"
