@@ -12,6 +12,7 @@ The contact frame has its z axis **into** the object; ``n_O`` names the **outwar
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +29,33 @@ VERTICAL = np.array([0.0, 0.0, 1.0])
 def read_only(values: ArrayLike) -> Array:
     """Return a float64 copy of ``values`` that cannot be written."""
     array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def lock_arrays(self: Any) -> None:
+    """Replace every array of a frozen dataclass that can be written by a copy that cannot; in tuples and dicts of arrays, too.
+
+    Use: ``__post_init__`` of the class calls it.  Who makes many values of one stack locks the stack first: its rows are
+    taken as they are.
+    """
+    held = vars(self)
+    for name, value in held.items():
+        if isinstance(value, np.ndarray):
+            if value.flags.writeable:
+                held[name] = _lock(value)
+        elif isinstance(value, tuple):
+            if any(isinstance(item, np.ndarray) for item in value):
+                held[name] = tuple(_lock(item) for item in value)
+        elif isinstance(value, dict) and any(isinstance(item, np.ndarray) for item in value.values()):
+            held[name] = {key: _lock(item) for key, item in value.items()}
+
+
+def _lock(value: Any) -> Any:
+    """Return a copy of an array that cannot be written; anything else, and an array that is locked already, as it is."""
+    if not isinstance(value, np.ndarray) or not value.flags.writeable:
+        return value
+    array = value.copy()
     array.setflags(write=False)
     return array
 

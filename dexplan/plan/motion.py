@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import VERTICAL, Array, rotate_about
+from dexplan.spatial import VERTICAL, Array, lock_arrays, rotate_about
 
 STEP = float(np.radians(2.0))
 """Spacing of stations of a turn, and of the samples at which it is checked [rad]."""
@@ -27,6 +27,9 @@ class ObjectMotion:
     shift_W: Array
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def is_still(self) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
 from dexplan.scene.scene import Scene
-from dexplan.spatial import Array, cross
+from dexplan.spatial import Array, cross, lock_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +37,9 @@ class Touches:
     pole_angle: Array
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 Charts = NDArray[np.intp]
 """Which chart of a surface coordinates belong to: integers, one per point."""
@@ -33,6 +33,9 @@ class ChartGeometry:
     torsion: Array
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def frame(self) -> Array:

@@ -17,7 +17,7 @@ from dexplan.kinematics.workspace import Workspace
 from dexplan.plan.forces import NormalForces
 from dexplan.planning.admissible.limits import AdmissibleLimits
 from dexplan.scene.description import Nearness, ObjectDescription
-from dexplan.spatial import Array
+from dexplan.spatial import Array, read_only
 
 
 class Probe(Protocol):
@@ -74,12 +74,12 @@ class HandModel:
     @cached_property
     def p_WF_home(self) -> Array:
         """Tip centres (F, 3) [m] at home, in W."""
-        return np.stack([f.pose_at(f.q_home)[:3, 3] for f in self.fingers])
+        return read_only(np.stack([f.pose_at(f.q_home)[:3, 3] for f in self.fingers]))
 
-    @property
+    @cached_property
     def q_home(self) -> Array:
-        """Home postures (F, J) [rad]."""
-        return np.stack([f.q_home for f in self.fingers])
+        """Home postures (F, J) [rad]; who wants to write into them takes a copy."""
+        return read_only(np.stack([f.q_home for f in self.fingers]))
 
 
 def compute_travel_margin(hand: HandModel, finger: int) -> float:

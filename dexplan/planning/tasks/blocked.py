@@ -98,7 +98,7 @@ def explain_contact(
         )
     if float(estimate_dexterity(chain, q[None])[0]) < limits.dexterity:
         return Condition.POSTURE, "its posture would be nearly singular"
-    posture = hand.q_home
+    posture = hand.q_home.copy()
     posture[finger] = q
     nearest = hand.probe.find_nearest(posture, make_pose(p=center), (finger,), list_others(hand, finger))
     if nearest.distance < limits.clearance:
