@@ -16,13 +16,13 @@ import pytest
 from dexplan import pipeline
 from dexplan.contact.kinematics.coordinates import ContactCoordinates
 from dexplan.grasp.closed_forms.pair import IndependentCones
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 from dexplan.scene.description import ContactCone
 from dexplan.spatial import lock_arrays
 
-ROOMS = ("contact", "grasp", "kinematics", "plan", "scene", "planning")
+ROOMS = ("contact", "grasp", "kinematics", "plans", "scene", "planning")
 PLANNED = ("hold_three", "fig3_rewind", "adjust_grasp", "fixed_contacts")
 """Problems whose planning makes values of most classes."""
 

@@ -16,8 +16,8 @@ import numpy as np
 import tomli_w
 
 from dexplan.brief import brief_repr
-from dexplan.plan.forces import NormalForces
 from dexplan.planning.admissible.limits import CLEARANCE_MM, JOINT_MARGIN_DEG, AdmissibleLimits
+from dexplan.plans.forces import NormalForces
 from dexplan.spatial import Array, direction_from_angles, read_only
 
 FORMAT = 1

@@ -7,8 +7,8 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.limits import AdmissibleLimits
+from dexplan.plans.plan import Plan
 from dexplan.problems.as_run import PROBLEM, describe_run
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem

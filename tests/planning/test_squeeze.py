@@ -12,9 +12,9 @@ from dexplan import pipeline
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import Controller
 from dexplan.control.reference import build_reference
-from dexplan.plan.forces import NormalForces
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.squeeze import DEPTH, choose_squeeze
+from dexplan.plans.forces import NormalForces
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 from dexplan.scene.penetration import predict_penetration
 from dexplan.sim.judge.validate import load_default_limits

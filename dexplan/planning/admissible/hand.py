@@ -14,8 +14,8 @@ from dexplan.contact.surfaces.sphere import require_sphere
 from dexplan.kinematics.chain import compute_joint_margin
 from dexplan.kinematics.finger import FingerDescription
 from dexplan.kinematics.workspace import Workspace
-from dexplan.plan.forces import NormalForces
 from dexplan.planning.admissible.limits import AdmissibleLimits
+from dexplan.plans.forces import NormalForces
 from dexplan.scene.description import Nearness, ObjectDescription
 from dexplan.spatial import Array, read_only
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dexplan.plan.forces import NormalForces
+from dexplan.plans.forces import NormalForces
 
 JOINT_MARGIN_DEG, CLEARANCE_MM = 5.0, 2.0
 """Usual distance of loaded fingers' joints to their limits [deg], and of bodies that do not touch [mm]."""
