@@ -12,7 +12,6 @@ The contact frame has its z axis **into** the object; ``n_O`` names the **outwar
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,7 +32,7 @@ def read_only(values: ArrayLike) -> Array:
     return array
 
 
-def lock_arrays(self: Any) -> None:
+def lock_arrays(self: object) -> None:
     """Replace every array of a frozen dataclass that can be written by a copy that cannot; in tuples and dicts of arrays, too.
 
     Use: ``__post_init__`` of the class calls it.  Who makes many values of one stack locks the stack first: its rows are
@@ -51,7 +50,7 @@ def lock_arrays(self: Any) -> None:
             held[name] = {key: _lock(item) for key, item in value.items()}
 
 
-def _lock(value: Any) -> Any:
+def _lock(value: object) -> object:
     """Return a copy of an array that cannot be written; anything else, and an array that is locked already, as it is."""
     if not isinstance(value, np.ndarray) or not value.flags.writeable:
         return value
@@ -121,7 +120,8 @@ def as_pose7(X: Array) -> Array:
 def rotate_about(axis: ArrayLike, angle: ArrayLike) -> Array:
     """Return the rotation matrices (..., 3, 3) about the unit ``axis`` (3,) by ``angle`` (...) [rad]."""
     rotvec = np.asarray(angle, dtype=np.float64)[..., None] * np.asarray(axis, dtype=np.float64)
-    return Rotation.from_rotvec(rotvec).as_matrix()
+    R: Array = Rotation.from_rotvec(rotvec).as_matrix()
+    return R
 
 
 def rotation_vector(R: Array) -> Array:

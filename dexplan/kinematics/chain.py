@@ -174,7 +174,8 @@ def wrap_to_limits(chain: Chain, q: Array) -> Array:
 
 def compute_joint_margin(chain: Chain, q: Array) -> Array:
     """Return the smallest distance (...) [rad] of the joint angles ``q`` (..., J) to their limits; negative beyond them."""
-    return np.minimum(q - chain.lower, chain.upper - q).min(axis=-1)
+    margin: Array = np.minimum(q - chain.lower, chain.upper - q).min(axis=-1)
+    return margin
 
 
 def compute_dexterity(chain: Chain, q: Array) -> Array:

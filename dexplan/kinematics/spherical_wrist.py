@@ -154,7 +154,8 @@ def compute_least_singular_values(J: Array) -> Array:
             slope = slope * root + value
             value = value * root + (-1.0) ** k * e[k]
         root = np.maximum(root - value / np.where(slope < 0.0, slope, -1.0), root)
-    return np.sqrt(root)
+    least: Array = np.sqrt(root)
+    return least
 
 
 def estimate_dexterity(chain: Chain, q: Array) -> Array:

@@ -86,7 +86,8 @@ class Workspace:
     def find_seeds(self, positions: Array, poles: Array) -> Array:
         """Return the sampled postures (N, J) nearest to tips at ``positions`` (N, 3) [m] with ``poles`` (N, 3)."""
         _, nearest = self._tree.query(np.hstack([positions / LENGTH, poles]))
-        return self.postures[nearest].copy()
+        postures: Array = self.postures[nearest].copy()
+        return postures
 
     def moved(self, X_WP: Array) -> Workspace:
         """Return the workspace of the same finger on a palm that stands at ``X_WP`` (4, 4) instead of in W's own axes."""
@@ -214,7 +215,8 @@ def _swing(R: Array, z: Array, share: float) -> Array:
     sine = np.linalg.norm(axis, axis=1)
     angle = np.arctan2(sine, z @ R[:, 2])
     axis = np.where(sine[:, None] > 1e-9, axis / np.maximum(sine, 1e-12)[:, None], R[:, 0])
-    return Rotation.from_rotvec((share * angle)[:, None] * axis).as_matrix() @ R
+    turned: Array = Rotation.from_rotvec((share * angle)[:, None] * axis).as_matrix() @ R
+    return turned
 
 
 def spread_directions(count: int) -> Array:

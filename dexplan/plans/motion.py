@@ -50,7 +50,8 @@ class ObjectMotion:
     @property
     def X_WO_end(self) -> Array:
         """The pose (4, 4) at the end."""
-        return self.poses(2)[-1]
+        X: Array = self.poses(2)[-1]
+        return X
 
     def part(self, first: float, last: float) -> ObjectMotion:
         """Return the motion between two shares of its progress."""

@@ -133,9 +133,10 @@ def integrate_legs(
         s_f = (P @ s_o[..., None])[..., 0]
         turn_o, turn_f = np.sum(on_o.torsion * s_o, axis=-1), np.sum(on_f.torsion * s_f, axis=-1)
         rest = np.stack([turn_f + turn_o, -turn_o], axis=-1)
-        return y[..., 6:] * np.concatenate(
+        rates: Array = y[..., 6:] * np.concatenate(
             [s_f / on_f.lengths, s_o / on_o.lengths, rest, 0.0 * rest[..., :1]], axis=-1
         )
+        return rates
 
     turns, lengths = _spread(turns, start.shape), _spread(lengths, start.shape)
     at = leave_borders(tip, body, start)
@@ -190,7 +191,8 @@ def _measure_heading(body: AbstractSurface, at: ContactCoordinates, heading_O: A
         raise ValueError(
             "the heading is along the normal; a direction with a part along the surface is accepted"
         )
-    return np.arctan2(east, north)
+    angle: Array = np.arctan2(east, north)
+    return angle
 
 
 def _step(

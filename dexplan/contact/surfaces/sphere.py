@@ -69,7 +69,8 @@ class Sphere(AbstractSurface):
         length = np.linalg.norm(direction, axis=-1, keepdims=True)
         if np.any(length == 0.0):
             raise ValueError("direction is zero; a vector that points somewhere is accepted")
-        return self.radius * direction / length
+        on_surface: Array = self.radius * direction / length
+        return on_surface
 
     def project(self, p_O: ArrayLike) -> Array:
         """Return the nearest points (..., 3) [m]; raises ValueError for the centre, which is as near to all."""

@@ -18,10 +18,10 @@ Charts = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class ChartGeometry:
-    """A surface at chart coordinates (u, v), to second order, in the axes of the body that owns it.
+    r"""A surface at chart coordinates (u, v), to second order, in the axes of the body that owns it.
 
     ``point`` (..., 3) [m]; ``x``, ``y`` (..., 3) the Gauss frame's unit tangents along growing u and v; ``normal`` (..., 3)
-    **outward**; ``lengths`` (..., 2) = (\\|p_u\\|, \\|p_v\\|) [m per unit of chart], the diagonal of M; ``curvature`` (..., 2, 2)
+    **outward**; ``lengths`` (..., 2) = (\|p_u\|, \|p_v\|) [m per unit of chart], the diagonal of M; ``curvature`` (..., 2, 2)
     K [1/m]; ``torsion`` (..., 2) T [1/m].
     """
 
@@ -94,7 +94,8 @@ class AbstractSurface(ABC):
 
     def choose_chart(self, p_O: ArrayLike) -> Charts:
         """Return the chart (...) whose border is farthest from each of the points (..., 3)."""
-        return np.argmax(self.chart_margins(p_O), axis=-1)
+        best: Charts = np.argmax(self.chart_margins(p_O), axis=-1)
+        return best
 
     def margin(self, u: ArrayLike, v: ArrayLike, chart: ArrayLike = 0) -> Array:
         """Return how far (...) the border of the points' own chart is: 1 far away, 0 on it."""
