@@ -5,6 +5,7 @@
 ``goal``    ``RotationGoal``: a turn and shift of the object, or an attitude
 ``motion``  ``ObjectMotion``: a turn about an axis with a straight shift, and poses on its way
 ``roll``    the path of a tip that rolls while it holds
+``forces``  ``NormalForces``: how hard a contact presses, with the usual values
 ``speed``   how fast the object turns, and what keeps it from turning faster
 ==========  ==================================================================================
 
@@ -15,4 +16,4 @@
 [[0.0, -1.0, 0.0, 0.01], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
 """
 
-__all__ = ["goal", "motion", "plan", "roll", "speed"]
+__all__ = ["forces", "goal", "motion", "plan", "roll", "speed"]
