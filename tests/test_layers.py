@@ -17,19 +17,7 @@ BANNED_NAMES = {"utils", "util", "common", "helpers", "helper", "manager", "mana
 STEPPING_FILES = {"sim/record/rollout.py", "sim/judge/replay.py"}
 MOST_FLOORS = 5
 """Floors of rooms in ``planning`` at most."""
-KNOWN_CIRCLES: frozenset[frozenset[str]] = frozenset(
-    {
-        frozenset(
-            {
-                "problems/check.py",
-                "problems/derived.py",
-                "problems/override.py",
-                "problems/problem.py",
-                "problems/read.py",
-            }
-        ),
-    }
-)
+KNOWN_CIRCLES: frozenset[frozenset[str]] = frozenset()
 """Files that import one another.  This list only shrinks."""
 
 FILES = sorted(PACKAGE.rglob("*.py"))

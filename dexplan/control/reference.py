@@ -16,6 +16,7 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.plans.actions import Action, FingerWay, Hold, MoveObject, Relocate, Roll
 from dexplan.plans.contacts import Contacts, list_holding
+from dexplan.plans.forces import NormalForces
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.pace import Pace, Progress, smooth_step
 from dexplan.plans.plan import Plan
@@ -111,8 +112,8 @@ class Reference:
     start: tuple[tuple[Array, Array] | None, ...]
     normal_force: float
     touchdown: Touchdown
-    normal_floor: float = 4.0
-    normal_ceiling: float = 12.0
+    normal_floor: float = NormalForces.floor
+    normal_ceiling: float = NormalForces.ceiling
 
     __repr__ = brief_repr
 

@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from dexplan.brief import brief_repr
 from dexplan.kinematics.chain import Chain, compute_joint_margin, compute_tip_pose, solve_ik, wrap_to_limits
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.spatial import Array, invert_pose, make_pose, read_only, rotate_about
+from dexplan.spatial import Array, invert_pose, lock_arrays, make_pose, read_only, rotate_about
 
 VERSION = 1
 SPACING = 0.018
@@ -58,6 +58,9 @@ class Workspace:
     sampled_positions: int
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @cached_property
     def _tree(self) -> cKDTree:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import VERTICAL, Array, read_only, rotate_about
+from dexplan.spatial import VERTICAL, Array, lock_arrays, read_only, rotate_about
 
 STEP = float(np.radians(2.0))
 """Spacing of stations of a turn, and of the samples at which it is checked [rad]."""
@@ -32,8 +32,7 @@ class ObjectMotion:
     __repr__ = brief_repr
 
     def __post_init__(self) -> None:
-        for name in ("X_WO_start", "axis_W", "shift_W"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        lock_arrays(self)
 
     @classmethod
     def between(cls, X_WO_start: Array, X_WO_end: Array, axis_W: Array, angle: float) -> ObjectMotion:

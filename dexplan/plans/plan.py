@@ -20,6 +20,7 @@ from dexplan.errors import RunFolderError
 from dexplan.plans.actions import Action
 from dexplan.plans.contacts import Contacts, GoalContact
 from dexplan.plans.file import FORMAT, PlanReader, PlanWriter, read_touchdown, write_touchdown
+from dexplan.plans.forces import NormalForces
 from dexplan.plans.format1 import OLD_FORMAT, upgrade
 from dexplan.plans.poses import read_pose, write_pose
 from dexplan.plans.speed import PlannedSpeed
@@ -55,8 +56,8 @@ class Plan:
     normal_force: float
     statistics: Mapping[str, float] = field(default_factory=dict)
     goal_contacts: tuple[GoalContact | None, ...] | None = None
-    normal_floor: float = 4.0
-    normal_ceiling: float = 12.0
+    normal_floor: float = NormalForces.floor
+    normal_ceiling: float = NormalForces.ceiling
     speed: PlannedSpeed | None = None
     touchdown: Touchdown = field(default_factory=Touchdown)
 

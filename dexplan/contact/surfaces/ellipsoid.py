@@ -90,7 +90,7 @@ class Ellipsoid(AbstractSurface):
 
     def coordinates(self, p_O: ArrayLike, chart: ArrayLike = 0) -> tuple[Array, Array]:
         """Return u, v (...) [rad] of points (..., 3), taken radially onto the surface."""
-        chart = as_chart_points(0.0, 0.0, chart, CHART_COUNT)[2]
+        chart = as_chart_points(0.0, 0.0, chart, CHART_COUNT).chart
         p = to_chart_axes(self.radial(p_O), chart)
         axes = to_chart_axes(np.asarray(self.semi_axes), chart)
         unit, flat = p / axes, axes[..., :2]

@@ -2,6 +2,7 @@
 
 ==================  ===========================================================================
 ``hand``            ``HandModel``: what planning knows of the world; ``Probe``: what it may ask
+``limits``          ``AdmissibleLimits``: what a state must leave to spare
 ``admissibility``   ``Admissibility``: judges a grasp at a pose, with ``Margins``
 ``carry``           the same along a motion of the object
 ``loads``           thousands of pairs of contacts at once
@@ -26,6 +27,7 @@ __all__ = [
     "carry",
     "conditions",
     "hand",
+    "limits",
     "loads",
     "lone_clearance",
     "order",

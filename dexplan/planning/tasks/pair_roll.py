@@ -27,7 +27,7 @@ from dexplan.plans.contacts import Placement, list_holding
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import rest_at
 from dexplan.plans.phases import PlannedPhase, demand_touch
-from dexplan.spatial import Array, build_frame
+from dexplan.spatial import Array, build_frame, lock_arrays
 
 HEADINGS = 12
 """Directions in which a contact may roll, evenly around its normal."""
@@ -47,6 +47,9 @@ class _Candidate:
     toward: Array
     angles: tuple[float, float]
     normals_W: tuple[Array, Array]
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 @dataclass(eq=False)
