@@ -39,8 +39,8 @@ def _room_of(names: str, third_party: str = "") -> Room:
 GROUND = "errors spatial brief icosphere"
 MATH = "numpy scipy"
 ALL = (
-    f"{GROUND} contact grasp kinematics plan scene planning control sim testing models viz witness problems cli commands pipeline "
-    "run_folder terminal usage __init__"
+    f"{GROUND} contact grasp kinematics plan scene planning control sim testing models viz witness problems cli commands "
+    "pipeline run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plan scene"
 ROOMS = {

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.spatial import Array
-from dexplan.testing.measurement import ContactRows, PairRows
+from dexplan.testing.rows import ContactRows, PairRows
 
 PRESSES = 1e-12
 """Normal force [N] below which a contact does not press; MuJoCo's are exactly zero there."""
@@ -44,6 +44,8 @@ def sum_pairs(rows: ContactRows, party_count: int) -> PairRows:
     known = np.isfinite(used)
     weight = add(np.where(known, share, 0.0))
     used = add(np.where(known, share * np.nan_to_num(used), 0.0))
+    widest = np.zeros(count, dtype=np.intp)
+    np.maximum.at(widest, inverse, rows.dim[pressing])
     deepest = np.full(count, -np.inf)
     np.maximum.at(deepest, inverse, rows.penetration[pressing])
     # Contacts at their border give way to those inside, which alone decide how fast the pair drifts.
@@ -57,6 +59,7 @@ def sum_pairs(rows: ContactRows, party_count: int) -> PairRows:
             on=keys // party_count % party_count,
             by=keys % party_count,
             count=np.bincount(inverse, minlength=count),
+            dim=widest,
             point_W=point,
             normal_W=direction / np.linalg.norm(direction, axis=1, keepdims=True),
             force_W=add(force_W),

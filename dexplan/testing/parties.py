@@ -43,7 +43,9 @@ def find_parties(model: mujoco.MjModel, tips: Sequence[str] | None, object_name:
     geom that would belong to two parties.
     """
     if isinstance(tips, str):
-        raise SceneError("tips", f"the text {tips!r} is no list", "accepted: a list of names of bodies or geoms")
+        raise SceneError(
+            "tips", f"the text {tips!r} is no list", "accepted: a list of names of bodies or geoms"
+        )
     of_geom = np.full(model.ngeom, -1, dtype=np.intp)
     names: list[str] = []
     object_body = -1
@@ -74,7 +76,7 @@ def find_parties(model: mujoco.MjModel, tips: Sequence[str] | None, object_name:
     )
 
 
-def name_geom(model: mujoco.MjModel, geom: int) -> str:
+def name_geom(model: mujoco.MjModel, geom: int | np.integer) -> str:
     """Return the name of a geom; one without a name is counted within its body: ``palm#2``."""
     name = model.geom(int(geom)).name
     if name:
@@ -97,11 +99,50 @@ def list_descendants(model: mujoco.MjModel, body: int) -> list[int]:
     return sorted(found)
 
 
+def find_drives(model: mujoco.MjModel, parties: Parties) -> NDArray[np.bool_]:
+    """Return which actuators (nu, P) can move which party: they act on a joint between the world and one of its bodies."""
+    joints = np.zeros((len(parties.names), model.njnt), dtype=bool)
+    for geom in range(model.ngeom):
+        joints[parties.of_geom[geom]] |= _list_joints_above(model, int(model.geom_bodyid[geom]))
+    out = np.zeros((model.nu, len(parties.names)), dtype=bool)
+    for a in range(model.nu):
+        kind, target = int(model.actuator_trntype[a]), int(model.actuator_trnid[a, 0])
+        acts_on = np.zeros(model.njnt, dtype=bool)
+        if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
+            acts_on[target] = True
+        elif kind == int(mujoco.mjtTrn.mjTRN_TENDON):
+            first = int(model.tendon_adr[target])
+            wraps = slice(first, first + int(model.tendon_num[target]))
+            is_joint = model.wrap_type[wraps] == int(mujoco.mjtWrap.mjWRAP_JOINT)
+            is_site = model.wrap_type[wraps] == int(mujoco.mjtWrap.mjWRAP_SITE)
+            acts_on[model.wrap_objid[wraps][is_joint]] = True
+            for site in model.wrap_objid[wraps][is_site]:
+                acts_on |= _list_joints_above(model, int(model.site_bodyid[site]))
+        elif kind == int(mujoco.mjtTrn.mjTRN_BODY):
+            acts_on |= _list_joints_above(model, target)
+        else:
+            acts_on |= _list_joints_above(model, int(model.site_bodyid[target]))
+        out[a] = (joints & acts_on).any(axis=1)
+    return out
+
+
+def _list_joints_above(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
+    """Return which joints (njnt,) stand between ``body`` and the world."""
+    out = np.zeros(model.njnt, dtype=bool)
+    while body > 0:
+        first = int(model.body_jntadr[body])
+        out[first : first + int(model.body_jntnum[body])] = model.body_jntnum[body] > 0
+        body = int(model.body_parentid[body])
+    return out
+
+
 def _find_geoms(model: mujoco.MjModel, name: str, role: str, *, with_children: bool) -> tuple[Indices, int]:
     """Return the geoms that a name stands for, and their body."""
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, str(name))
     if body == 0:
-        raise SceneError(role, f"{name!r} is the world itself", "accepted: the name of another body, or of a geom")
+        raise SceneError(
+            role, f"{name!r} is the world itself", "accepted: the name of another body, or of a geom"
+        )
     if body > 0:
         bodies = list_descendants(model, body) if with_children else [body]
         geoms = np.flatnonzero(np.isin(model.geom_bodyid, bodies))
@@ -110,7 +151,9 @@ def _find_geoms(model: mujoco.MjModel, name: str, role: str, *, with_children: b
         return geoms, body
     geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, str(name))
     if geom < 0:
-        known = [model.body(b).name for b in range(1, model.nbody)] + [model.geom(g).name for g in range(model.ngeom)]
+        known = [model.body(b).name for b in range(1, model.nbody)] + [
+            model.geom(g).name for g in range(model.ngeom)
+        ]
         raise UnknownNameError(f"{role} (a body or a geom)", str(name), {k for k in known if k})
     return np.array([geom]), int(model.geom_bodyid[geom])
 

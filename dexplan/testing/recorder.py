@@ -11,7 +11,7 @@ from mujoco import mj_getState
 
 from dexplan.spatial import Array
 from dexplan.testing.measurement import Measurement, Physics
-from dexplan.testing.parties import find_parties, name_geom
+from dexplan.testing.parties import find_drives, find_parties, name_geom
 from dexplan.testing.reading import INTEGRATION, read_states
 
 FIRST_ROWS = 1024
@@ -88,6 +88,7 @@ class ContactRecorder:
             newton_residual=readings.newton_residual,
             saturated=readings.saturated,
             actuators=tuple(model.actuator(a).name or f"actuator#{a}" for a in range(model.nu)),
+            drives=find_drives(model, parties),
             solver_iterations=readings.solver_iterations,
             geom_names=tuple(name_geom(model, g) for g in range(model.ngeom)),
             not_recorded=tuple(self._describe_changes()),

@@ -39,8 +39,14 @@ def measure_contacts(
     Raises: SceneError, UnknownNameError: what does not fit the model, in one line.
     """
     rows = _check_ctrl(model, ctrl)
-    if isinstance(steps_per_sample, bool) or not isinstance(steps_per_sample, int | np.integer) or steps_per_sample < 1:
-        raise SceneError("steps_per_sample", f"{steps_per_sample!r} is no count", "accepted: a whole number, 1 or more")
+    if (
+        isinstance(steps_per_sample, bool)
+        or not isinstance(steps_per_sample, int | np.integer)
+        or steps_per_sample < 1
+    ):
+        raise SceneError(
+            "steps_per_sample", f"{steps_per_sample!r} is no count", "accepted: a whole number, 1 or more"
+        )
     data = build_data(model, initial_state)
     recorder = ContactRecorder(model, data, tips=tips, object=object)
     for row in rows:
@@ -61,7 +67,11 @@ def build_data(model: mujoco.MjModel, initial_state: ArrayLike | str | None) -> 
         if key < 0:
             names = [model.key(k).name for k in range(model.nkey)]
             if not any(names):
-                raise SceneError("state", f"there is no keyframe {initial_state!r}", "the scene has no named keyframe at all")
+                raise SceneError(
+                    "state",
+                    f"there is no keyframe {initial_state!r}",
+                    "the scene has no named keyframe at all",
+                )
             raise UnknownNameError("keyframe", initial_state, [n for n in names if n])
         mujoco.mj_resetDataKeyframe(model, data, key)
         return data
@@ -69,7 +79,9 @@ def build_data(model: mujoco.MjModel, initial_state: ArrayLike | str | None) -> 
     state = _as_numbers("initial_state", initial_state)
     if state.shape != (size,):
         raise SceneError(
-            "initial_state", f"has shape {state.shape}", f"accepted: ({size},), a mjSTATE_INTEGRATION of this model"
+            "initial_state",
+            f"has shape {state.shape}",
+            f"accepted: ({size},), a mjSTATE_INTEGRATION of this model",
         )
     mujoco.mj_setState(model, data, state, INTEGRATION)
     return data
@@ -78,7 +90,9 @@ def build_data(model: mujoco.MjModel, initial_state: ArrayLike | str | None) -> 
 def _check_ctrl(model: mujoco.MjModel, ctrl: ArrayLike) -> Array:
     rows = _as_numbers("ctrl", ctrl)
     if rows.ndim != 2 or rows.shape[1] != model.nu or not len(rows):
-        raise SceneError("ctrl", f"has shape {rows.shape}", f"accepted: (T, {model.nu}), one column per actuator")
+        raise SceneError(
+            "ctrl", f"has shape {rows.shape}", f"accepted: (T, {model.nu}), one column per actuator"
+        )
     return rows
 
 
