@@ -17,7 +17,8 @@ from dexplan.testing.rows import PairRows
 class Episode:
     """One touch of party ``by`` on party ``on``.
 
-    ``rows`` (K,) are its rows of ``pairs``, in order of time, and ``duration`` (K,) [s] the time that each stands for;
+    ``rows`` (K,) are its rows of ``pairs``, in order of time, and ``duration`` (K,) [s] the time until the next one, so
+    that what moves while a sliding contact hops is counted;
     ``start_s``, ``end_s``.  ``gaps`` short losses are bridged.  ``is_lost``: it ended before the record did.
     """
 
@@ -57,7 +58,7 @@ def find_episodes(measured: Measurement, gap_s: float) -> list[Episode]:
                     by=int(pairs.by[rows[0]]),
                     pairs=pairs,
                     rows=rows[part],
-                    duration=step[samples[part]],
+                    duration=np.append(np.diff(when[part]), step[last]),
                     start_s=float(when[part[0]]),
                     end_s=float(time[last] + step[last]),
                     gaps=int(np.count_nonzero(has_gap[part[:-1]])),

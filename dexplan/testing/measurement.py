@@ -41,8 +41,8 @@ class Measurement:
 
     ``time`` (T,) [s].  ``newton_residual`` (T,) [N]: by how much the contact forces on the object miss the force its
     acceleration needs, NaN where the object is not free.  ``saturated`` (T, nu) actuators at the end of their force
-    range, named by ``actuators``; ``drives`` (nu, P) says which of them move which party; ``solver_iterations`` (T,).  ``not_recorded`` are sentences about what the user
-    changed unseen; ``warnings`` counts MuJoCo's own warnings by name.
+    range, named by ``actuators``; ``drives`` (nu, P) says which of them move which party.  ``solver_iterations`` (T,).
+    ``not_recorded`` are sentences about what the user changed unseen; ``warnings`` counts MuJoCo's own warnings by name.
     """
 
     parties: Parties

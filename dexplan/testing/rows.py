@@ -72,7 +72,8 @@ class PairRows:
     contact, ``spin`` (M,), ``roll_W`` (M, 3) [rad/s].  These and ``utilisation`` are means weighted by normal force, so that
     ``utilisation`` is 1 only where every contact that carries is at its border.  ``creep_W`` (M, 3) and ``creep_spin`` (M,) are
     means over the contacts inside their cones, which decide the drift of the pair; zero where there are none.
-    ``count`` (M,) contacts, of which ``dim`` (M,) is the largest condim; ``penetration`` (M,) [m] is the deepest; ``normal_force`` (M,) [N].
+    ``count`` (M,) contacts, of which ``dim`` (M,) is the largest condim; ``penetration`` (M,) [m] is the deepest;
+    ``normal_force`` (M,) [N].
     """
 
     sample: Indices

@@ -46,6 +46,9 @@ class VerdictOptions:
     """A contact that is missing for no longer goes on: a sliding one hops, and that is one touch."""
     slip_mm: float = 0.1
     """Path at the border of the cone: dexplan's own runs show 0.10 to 0.14 mm of it at touch and lift alone."""
+    slip_s: float = 0.01
+    """Time at the border below which it is trembling, unless the path of that time alone is ``slip_mm``: a box on pyramidal
+    cones goes from corner to corner in a few milliseconds."""
     spin_deg: float = 1.0
     """Turning at the border of the cone, or where nothing resists turning: a tenth of a millimetre at 6 mm."""
     creep_um_s: float = 1.0
@@ -87,7 +90,10 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one contact episode: its gravest kind, and everything that was found, gravest first."""
+    """The verdict on one contact episode: its gravest kind, and everything that was found, gravest first.
+
+    ``utilisation_max`` is read once the touch has settled; ``normal_force_mean`` [N].
+    """
 
     on: str
     by: str
@@ -144,7 +150,9 @@ def _judge(measured: Measurement, episode: Episode, options: VerdictOptions) -> 
     findings = tuple(finding for finding in found if finding is not None)
     graver = [f.kind for f in findings if f.kind in GRAVITY_OF_KINDS]
     kind = max(graver, key=GRAVITY_OF_KINDS.index, default=Kind.STUCK)
-    used = pairs.utilisation[rows]
+    used, age = pairs.utilisation[rows], measured.time[pairs.sample[rows]] - episode.start_s
+    # Every touch is at its border for a moment; where there is more than the touch, that is what is told.
+    used = used[age >= options.settle_s] if (age >= options.settle_s).any() else used
     return Verdict(
         on=measured.parties.names[episode.on],
         by=measured.parties.names[episode.by],
@@ -177,6 +185,7 @@ def _find_slip(measured: Measurement, episode: Episode, options: VerdictOptions)
     slip, spin = np.linalg.norm(pairs.slip_W[rows], axis=1), np.abs(pairs.spin[rows])
     torque = np.abs(np.einsum("ni,ni->n", pairs.moment_W[rows], normal))
     pull = np.abs(np.einsum("ni,ni->n", pairs.force_W[rows], pairs.slip_W[rows]))
+    at_border = _drop_short_runs(at_border, dt, slip * dt, options)
     path = np.where(at_border, slip * dt, 0.0)
     turn = np.where(at_border | is_free_to_turn, spin * dt, 0.0)
     work_slip, work_spin = float((pull * dt)[at_border].sum()), float((torque * spin * dt)[at_border].sum())
@@ -196,6 +205,19 @@ def _find_slip(measured: Measurement, episode: Episode, options: VerdictOptions)
     if is_mostly_spin and len(found) == 2:
         return [found[1]]
     return found
+
+
+def _drop_short_runs(
+    at_border: NDArray[np.bool_], dt: Array, path: Array, options: VerdictOptions
+) -> NDArray[np.bool_]:
+    """Return ``at_border`` without those runs that are over soon and lead nowhere: trembling is no slip."""
+    edge = np.flatnonzero(np.diff(at_border.astype(np.int8), prepend=0, append=0))
+    out = at_border.copy()
+    for start, stop in zip(edge[::2], edge[1::2], strict=True):
+        run = slice(start, stop)
+        if dt[run].sum() < options.slip_s and 1e3 * path[run].sum() <= options.slip_mm:
+            out[run] = False
+    return out
 
 
 def _begin(time: Array, path: Array, allowed: float) -> float:
