@@ -46,7 +46,7 @@ class VerdictOptions:
     """A contact that is missing for no longer goes on: a sliding one hops, and that is one touch."""
     slip_mm: float = 0.1
     """Path at the border of the cone: dexplan's own runs show 0.10 to 0.14 mm of it at touch and lift alone."""
-    slip_s: float = 0.01
+    slip_s: float = 0.02
     """Time at the border below which it is trembling, unless the path of that time alone is ``slip_mm``: a box on pyramidal
     cones goes from corner to corner in a few milliseconds."""
     spin_deg: float = 1.0

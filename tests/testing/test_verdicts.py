@@ -39,13 +39,13 @@ def in_pinch(samples: int = 500, *, option: str = ELLIPTIC, **load: float) -> tu
 @pytest.mark.parametrize("body", [BOX, POINT], ids=["box", "point"])
 @pytest.mark.parametrize("option", [ELLIPTIC, NOSLIP, PYRAMIDAL], ids=["elliptic", "noslip", "pyramidal"])
 def test_slope_holds_below_the_friction_angle_and_not_above(option: str, body: str) -> None:
-    for share in (0.5, 0.9, 0.98):
+    for share in (0.5, 0.9, 0.975):
         verdict = on_slope(share, option=option, body=body)
         assert verdict.kind in {Kind.STUCK, Kind.CREEPING}, verdict
         # A box on pyramids trembles from corner to corner, up to the border of its cones.
         if option != PYRAMIDAL:
             assert verdict.utilisation_max == pytest.approx(share, abs=0.05)
-    for share in (1.02, 1.1):
+    for share in (1.025, 1.1):
         verdict = on_slope(share, option=option, body=body)
         assert verdict.kind == Kind.COULOMB_SLIP, verdict
         assert verdict.findings[0].amount > 0.1
