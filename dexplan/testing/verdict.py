@@ -233,11 +233,14 @@ def _find_bouncing(episode: Episode, options: VerdictOptions) -> Finding | None:
 
 def _find_rolling(measured: Measurement, episode: Episode, options: VerdictOptions) -> Finding | None:
     pairs, rows = episode.pairs, episode.rows
-    turn = np.degrees(np.linalg.norm(pairs.roll_W[rows], axis=1) * episode.duration)
-    if turn.sum() <= options.roll_deg:
+    dt, time = episode.duration, measured.time[pairs.sample[rows]]
+    window = ((time - time[0]) // options.window_s).astype(np.intp)
+    everything = np.ones(len(rows), dtype=bool)
+    rolled = np.degrees(_average_windows(pairs.roll_W[rows], dt, window, everything) * dt.sum())
+    if rolled <= options.roll_deg:
         return None
-    start = _begin(measured.time[pairs.sample[rows]], turn, options.roll_deg)
-    return Finding(Kind.ROLLING, start, float(turn.sum()), "deg")
+    turn = np.degrees(np.linalg.norm(pairs.roll_W[rows], axis=1) * dt)
+    return Finding(Kind.ROLLING, _begin(time, turn, options.roll_deg), float(rolled), "deg")
 
 
 def _find_creep(measured: Measurement, episode: Episode, options: VerdictOptions) -> Finding | None:
