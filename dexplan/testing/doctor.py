@@ -1,0 +1,109 @@
+"""Why does it slip?  Run a foreign scene, say what became of its contacts, which setting bites, and what cures it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+
+from dexplan.errors import SceneError
+from dexplan.testing.bites import find_bites
+from dexplan.testing.cures import Trial, propose_cures, try_cures
+from dexplan.testing.measurement import Measurement
+from dexplan.testing.scene_file import Drive, find_object, load_drive, load_model
+from dexplan.testing.stepping import measure_contacts
+from dexplan.testing.verdict import Judgement, Kind, judge_contacts
+
+HOLDS = {Kind.STUCK, Kind.CREEPING, Kind.ROLLING}
+"""Verdicts under which a contact holds; creep and rolling are told, and are no failure."""
+
+
+@dataclass(frozen=True)
+class SceneRun:
+    """Which scene is run, and how: the file, a keyframe, a file of controls, who is the object and who the tips."""
+
+    scene: Path
+    state: str | None = None
+    ctrl: Path | None = None
+    object: str | None = None
+    tips: tuple[str, ...] = ()
+    seconds: float = 2.0
+
+    def load(self) -> tuple[mujoco.MjModel, Drive]:
+        """Return the model and how it is driven."""
+        if not 0.0 < self.seconds < 3600.0:
+            raise SceneError("seconds", f"{self.seconds:g}", "accepted: more than 0, less than 3600")
+        model = load_model(self.scene)
+        return model, load_drive(model, self.ctrl, self.state, self.seconds)
+
+    def measure(self, model: mujoco.MjModel, drive: Drive) -> Measurement:
+        """Return the contacts of ``model`` driven so.  Where nobody is named the only free body is the object."""
+        name = self.object
+        if name is None and not self.tips:
+            name = find_object(model)
+        return measure_contacts(
+            model,
+            drive.initial_state,
+            drive.ctrl,
+            tips=self.tips or None,
+            object=name,
+            steps_per_sample=drive.steps_per_sample,
+        )
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the doctor says: the judgement, the settings that bite, and trials of cures (none where not asked for)."""
+
+    judged: Judgement
+    bites: tuple[str, ...]
+    proposals: tuple[str, ...]
+    trials: tuple[Trial, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def is_well(self) -> bool:
+        """Whether every contact holds and the forces obey Newton's law."""
+        return not self.judged.findings and all(v.kind in HOLDS for v in self.judged.verdicts)
+
+    def __str__(self) -> str:
+        lines = [*self.notes, str(self.judged) if self.judged.verdicts else "nothing touched"]
+        lines += [f"bites: {sentence}" for sentence in self.bites]
+        lines += [f"may help: {sentence}" for sentence in self.proposals]
+        lines += [str(trial) for trial in self.trials]
+        return "\n".join([line for line in lines if line] + [self.summary_line()])
+
+    def summary_line(self) -> str:
+        """Return the last line: whether the contacts hold, and if not, which does not and what cured it."""
+        if self.is_well:
+            return f"HOLDS {len(self.judged.verdicts)} contact episodes"
+        bad = [v for v in self.judged.verdicts if v.kind not in HOLDS]
+        if not bad:
+            return f"FAIL {self.judged.findings[0].kind}"
+        cure = next((t.cure.text for t in self.trials if t.is_cured), None)
+        told = f"FAIL {bad[0].by} on {bad[0].on}: {bad[0].kind}"
+        return f"{told}; cured by {cure}" if cure else told
+
+
+def diagnose(run: SceneRun, *, with_trials: bool) -> Diagnosis:
+    """Run a scene and return what is wrong with its contacts; ``with_trials`` also runs it under each proposed cure."""
+    model, drive = run.load()
+    measured = run.measure(model, drive)
+    judged = judge_contacts(measured)
+    if with_trials:
+        trials = tuple(try_cures(model, judged, measured, lambda changed: run.measure(changed, drive)))
+        proposals: Sequence[str] = ()
+    else:
+        trials = ()
+        found = [c for v in judged.verdicts for c in propose_cures(model, measured, v)]
+        proposals = list(dict.fromkeys(f"{cure.text} ({cure.why})" for cure in found))
+    unstable = [f"MuJoCo warns: {name} ({count} times)" for name, count in measured.warnings.items()]
+    return Diagnosis(
+        judged=judged,
+        bites=tuple(find_bites(model, measured, judged)),
+        proposals=tuple(proposals),
+        trials=trials,
+        notes=(*measured.not_recorded, *unstable),
+    )
