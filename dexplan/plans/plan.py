@@ -16,9 +16,9 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
-from dexplan.plan.poses import read_pose, write_pose
-from dexplan.plan.roll import Roll
-from dexplan.plan.speed import PlannedSpeed
+from dexplan.plans.poses import read_pose, write_pose
+from dexplan.plans.roll import Roll
+from dexplan.plans.speed import PlannedSpeed
 from dexplan.spatial import Array, read_only
 
 FORMAT = 1
@@ -333,6 +333,6 @@ class Plan:
 
     def explain(self) -> str:
         """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
-        from dexplan.plan.words import explain_plan
+        from dexplan.plans.words import explain_plan
 
         return explain_plan(self)
