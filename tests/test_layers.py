@@ -93,7 +93,7 @@ ROOMS = {
     "terminal": _room_of(GROUND),
     "usage": _room_of(GROUND, "tyro"),
     "cli": _room_of(ALL, "tyro"),
-    "commands": _room_of(ALL, "tqdm"),
+    "commands": _room_of(ALL, "tqdm platformdirs"),
     "pipeline": _room_of(ALL, f"{MATH} mujoco tqdm platformdirs"),
     "__init__": _room_of(ALL),
     "__main__": _room_of("cli"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 
@@ -13,44 +12,35 @@ from dexplan.testing.bites import find_bites
 from dexplan.testing.cures import Trial, propose_cures, try_cures
 from dexplan.testing.measurement import Measurement
 from dexplan.testing.scene_file import Drive, find_object, load_drive, load_model
+from dexplan.testing.scene_run import SceneRun
 from dexplan.testing.stepping import measure_contacts
 from dexplan.testing.verdict import Judgement, Kind, judge_contacts
 
 HOLDS = {Kind.STUCK, Kind.CREEPING, Kind.ROLLING}
 """Verdicts under which a contact holds; creep and rolling are told, and are no failure."""
+LONGEST_S = 3600.0
+"""Seconds that a scene is run for at most, where no file has its controls: more is a slip of the hand."""
 
 
-@dataclass(frozen=True)
-class SceneRun:
-    """Which scene is run, and how: the file, a keyframe, a file of controls, who is the object and who the tips."""
+def load_run(run: SceneRun) -> tuple[mujoco.MjModel, Drive]:
+    """Return the model of a run and how it is driven."""
+    if not 0.0 < run.seconds < LONGEST_S:
+        raise SceneError("seconds", f"{run.seconds:g}", f"accepted: more than 0, less than {LONGEST_S:g}")
+    model = load_model(run.scene)
+    return model, load_drive(model, run.ctrl, run.state, run.seconds)
 
-    scene: Path
-    state: str | None = None
-    ctrl: Path | None = None
-    object: str | None = None
-    tips: tuple[str, ...] = ()
-    seconds: float = 2.0
 
-    def load(self) -> tuple[mujoco.MjModel, Drive]:
-        """Return the model and how it is driven."""
-        if not 0.0 < self.seconds < 3600.0:
-            raise SceneError("seconds", f"{self.seconds:g}", "accepted: more than 0, less than 3600")
-        model = load_model(self.scene)
-        return model, load_drive(model, self.ctrl, self.state, self.seconds)
-
-    def measure(self, model: mujoco.MjModel, drive: Drive) -> Measurement:
-        """Return the contacts of ``model`` driven so.  Where nobody is named the only free body is the object."""
-        name = self.object
-        if name is None and not self.tips:
-            name = find_object(model)
-        return measure_contacts(
-            model,
-            drive.initial_state,
-            drive.ctrl,
-            tips=self.tips or None,
-            object=name,
-            steps_per_sample=drive.steps_per_sample,
-        )
+def measure_run(run: SceneRun, model: mujoco.MjModel, drive: Drive) -> Measurement:
+    """Return the contacts of ``model`` driven so.  Where nobody is named the only free body is the object."""
+    name = find_object(model) if run.object is None and not run.tips else run.object
+    return measure_contacts(
+        model,
+        drive.initial_state,
+        drive.ctrl,
+        tips=run.tips or None,
+        object=name,
+        steps_per_sample=drive.steps_per_sample,
+    )
 
 
 @dataclass(frozen=True)
@@ -89,11 +79,11 @@ class Diagnosis:
 
 def diagnose(run: SceneRun, *, with_trials: bool) -> Diagnosis:
     """Run a scene and return what is wrong with its contacts; ``with_trials`` also runs it under each proposed cure."""
-    model, drive = run.load()
-    measured = run.measure(model, drive)
+    model, drive = load_run(run)
+    measured = measure_run(run, model, drive)
     judged = judge_contacts(measured)
     if with_trials:
-        trials = tuple(try_cures(model, judged, measured, lambda changed: run.measure(changed, drive)))
+        trials = tuple(try_cures(model, judged, measured, lambda changed: measure_run(run, changed, drive)))
         proposals: Sequence[str] = ()
     else:
         trials = ()

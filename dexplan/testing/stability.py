@@ -12,9 +12,10 @@ import numpy as np
 
 from dexplan.errors import SceneError
 from dexplan.testing.baseline import NAME, Baseline, Drift, compare, find_baseline, name_file
-from dexplan.testing.doctor import SceneRun
+from dexplan.testing.doctor import load_run, measure_run
 from dexplan.testing.measurement import Measurement
 from dexplan.testing.quantities import describe_run
+from dexplan.testing.scene_run import SceneRun
 from dexplan.testing.stepping import measure_contacts
 
 TIP = "/tip"
@@ -65,7 +66,7 @@ class Checked:
 def measure_source(run: SceneRun, name: str | None) -> Baseline:
     """Return what a run folder or a scene shows, under ``name``, by default that of the folder or file."""
     source = run.scene
-    measured = measure_folder(source) if source.is_dir() else run.measure(*run.load())
+    measured = measure_folder(source) if source.is_dir() else measure_run(run, *load_run(run))
     chosen = name or source.resolve().name.removesuffix(source.suffix if source.is_file() else "")
     if not NAME.fullmatch(chosen):
         raise SceneError("--name", f"{chosen!r} is no file name", "accepted: letters, digits, '.', '_', '-'")
