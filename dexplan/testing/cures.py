@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -18,6 +19,10 @@ IMPRATIO = 100.0
 NOSLIP = 50
 FIRM = 0.004
 """Time constant of a firm contact [s], the one measured in most of our scenes."""
+
+
+CREPT_MM = 0.1
+"""Creep beyond which a slip that follows is creep's doing: the contact was no longer where it had been put."""
 
 
 @dataclass(frozen=True)
@@ -60,22 +65,36 @@ def _tell(verdict: Verdict) -> str:
 
 def propose_cures(model: mujoco.MjModel, measured: Measurement, verdict: Verdict) -> list[Cure]:
     """Return settings that may cure ``verdict``, most likely first; nothing for a contact that holds."""
-    out: list[Cure] = []
     causes = {finding.kind for finding in verdict.findings}
-    if Kind.OVERLOADED in causes and verdict.kind != Kind.STUCK:
+    has_slipped = bool(causes & {Kind.COULOMB_SLIP, Kind.TORSIONAL_SLIP})
+    out: list[Cure] = []
+    if verdict.kind in {Kind.STUCK, Kind.ROLLING}:
+        causes &= {Kind.PENETRATING}
+    if Kind.OVERLOADED in causes:
         out += _strengthen(model, measured, verdict)
+    if _is_creep_the_cause(verdict):
+        out += _stiffen_friction(model)
     if Kind.TORSIONAL_SLIP in causes:
         out += _resist_turning(model, measured, verdict)
     if Kind.COULOMB_SLIP in causes:
         out += _raise_friction(model, measured, verdict)
-    has_slipped = causes & {Kind.COULOMB_SLIP, Kind.TORSIONAL_SLIP}
-    if (not has_slipped and causes & {Kind.CREEPING, Kind.LOST}) or verdict.kind == Kind.LOST:
-        out += _stiffen_friction(model)
     if Kind.BOUNCING in causes and not has_slipped:
         out += _soften(model, measured, verdict)
+    if Kind.LOST in causes:
+        out += _stiffen_friction(model)
     if Kind.PENETRATING in causes:
         out += _firm_up(model, measured, verdict)
-    return out
+    return list({cure.text: cure for cure in out}.values())
+
+
+def _is_creep_the_cause(verdict: Verdict) -> bool:
+    """Return whether the contact crept, and had crept further than slip is allowed when it began to slip, if it did."""
+    creep = verdict.find(Kind.CREEPING)
+    if creep is None:
+        return False
+    slips = [f for f in map(verdict.find, (Kind.COULOMB_SLIP, Kind.TORSIONAL_SLIP)) if f is not None]
+    before = min((slip.start_s for slip in slips), default=math.inf) - creep.start_s
+    return before == math.inf or (creep.unit == "um/s" and 1e-3 * creep.amount * before > CREPT_MM)
 
 
 def try_cures(
@@ -120,10 +139,10 @@ def _list_geoms(measured: Measurement, verdict: Verdict) -> list[tuple[int, int]
 
 
 def _pick_geoms(model: mujoco.MjModel, measured: Measurement, verdict: Verdict) -> list[int]:
-    """Return the geoms whose settings decide: those of higher priority, else those of ``by``, which then have to be larger."""
+    """Return the geoms whose settings are to change: those of higher priority, else those of ``on``, which all tips share."""
     return sorted(
         {
-            b if model.geom_priority[b] > model.geom_priority[a] else a
+            a if model.geom_priority[a] > model.geom_priority[b] else b
             for a, b in _list_geoms(measured, verdict)
         }
     )

@@ -89,10 +89,12 @@ def load_drive(model: mujoco.MjModel, path: Path | None, key: str | None, second
         return Drive(np.tile(ctrl, (steps, 1)), key, 1)
     accepted = "accepted: an .npz with ctrl (T, nu), or an .npy of it"
     try:
-        with np.load(path, allow_pickle=False) as content:
-            columns = {name: content[name] for name in content.files}
-    except AttributeError:
-        columns = {"ctrl": np.load(path, allow_pickle=False)}
+        content = np.load(path, allow_pickle=False)
+        if isinstance(content, np.ndarray):
+            columns = {"ctrl": content}
+        else:
+            with content:
+                columns = {name: content[name] for name in content.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         fact = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise SceneError(str(path), f"cannot be read ({fact})", accepted) from error

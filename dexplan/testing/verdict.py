@@ -106,7 +106,8 @@ class Verdict:
 
     def __str__(self) -> str:
         told = f"{self.by} on {self.on}, {self.start_s:.3f} to {self.end_s:.3f} s: {self.kind}"
-        return "\n".join([told, *(f"    {finding}" for finding in self.findings)])
+        in_time = sorted(self.findings, key=lambda finding: finding.start_s)
+        return "\n".join([told, *(f"    {finding}" for finding in in_time)])
 
     def find(self, kind: Kind) -> Finding | None:
         """Return the finding of ``kind``, None without one."""
