@@ -12,12 +12,25 @@ if TYPE_CHECKING:
     from dexplan.testing.measurement import Measurement
     from dexplan.testing.recorder import ContactRecorder
     from dexplan.testing.stepping import measure_contacts
+    from dexplan.testing.verdict import Judgement, Kind, VerdictOptions, judge_contacts
 
-__all__ = ["ContactRecorder", "Measurement", "measure_contacts"]
+__all__ = [
+    "ContactRecorder",
+    "Judgement",
+    "Kind",
+    "Measurement",
+    "VerdictOptions",
+    "judge_contacts",
+    "measure_contacts",
+]
 
 _HOMES = {
     "ContactRecorder": "dexplan.testing.recorder",
+    "Judgement": "dexplan.testing.verdict",
+    "Kind": "dexplan.testing.verdict",
     "Measurement": "dexplan.testing.measurement",
+    "VerdictOptions": "dexplan.testing.verdict",
+    "judge_contacts": "dexplan.testing.verdict",
     "measure_contacts": "dexplan.testing.stepping",
 }
 
