@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -44,29 +45,43 @@ def test_pinch(contact_baseline):
 """
 
 
-def run_pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    # The plugin is named, for these tests also run where the package is not installed.
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-p",
-        "dexplan.testing.plugin",
-        "-p",
-        "no:cacheprovider",
-        *arguments,
-    ]
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what a wheel would install: the packages that are listed, their data, and the entry points."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    site = tmp_path_factory.mktemp("site")
+    tool = settings["tool"]["setuptools"]
+    for package in tool["packages"]:
+        source = ROOT / tool["package-dir"].get(package, package.replace(".", "/"))
+        target = site / package.replace(".", "/")
+        target.mkdir(parents=True, exist_ok=True)
+        for pattern in ["*.py", *tool["package-data"].get(package, [])]:
+            for file in source.glob(pattern):
+                (target / file.relative_to(source)).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(file, target / file.relative_to(source))
+    info = site / "dexplan-0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: dexplan\nVersion: 0\n")
+    points = settings["project"]["entry-points"]["pytest11"]
+    (info / "entry_points.txt").write_text(
+        "[pytest11]\n" + "".join(f"{k} = {v}\n" for k, v in points.items())
+    )
+    return site
+
+
+def run_pytest(site: Path, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(site)}
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *arguments]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
 
 
-def test_a_users_project_passes_and_fails_when_friction_is_lowered(tmp_path: Path) -> None:
+def test_a_users_project_passes_and_fails_when_friction_is_lowered(site: Path, tmp_path: Path) -> None:
     (tmp_path / "scene.xml").write_text(SCENE.replace("MU", "0.5"))
     (tmp_path / "test_grasp.py").write_text(TEST)
-    missing = run_pytest(tmp_path)
+    missing = run_pytest(site, tmp_path)
     assert missing.returncode == 1
     assert "pytest --contact-baseline-update writes it" in missing.stdout
-    assert run_pytest(tmp_path, "--contact-baseline-update").returncode == 0
+    assert run_pytest(site, tmp_path, "--contact-baseline-update").returncode == 0
     (stored,) = (tmp_path / "contact_baselines").iterdir()
     content = json.loads(stored.read_text())
     assert content["format"] == 1
@@ -75,10 +90,10 @@ def test_a_users_project_passes_and_fails_when_friction_is_lowered(tmp_path: Pat
     used = content["quantities"]["left on ball: utilisation_max"]
     assert used["value"] == pytest.approx(0.5, rel=0.05)
     assert used["unit"] == "-"
-    again = run_pytest(tmp_path)
+    again = run_pytest(site, tmp_path)
     assert again.returncode == 0, again.stdout
     (tmp_path / "scene.xml").write_text(SCENE.replace("MU", "0.4"))
-    slippery = run_pytest(tmp_path)
+    slippery = run_pytest(site, tmp_path)
     assert slippery.returncode == 1
     lines = [line for line in slippery.stdout.splitlines() if "beyond tolerance" in line]
     assert any("left on ball: utilisation_max" in line and "0.5" in line for line in lines), slippery.stdout
