@@ -51,6 +51,7 @@ class List:
     """List the built-in problems and scenes, one line each."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.list_everything()
 
 
@@ -66,6 +67,7 @@ class Inspect:
     """Folder for the files."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.inspect(self.problem, self.sets, self.out)
 
 
@@ -81,6 +83,7 @@ class Plan:
     """Folder for the files."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.plan(self.problem, self.sets, self.out)
 
 
@@ -100,6 +103,7 @@ class Run:
     """Replace the problem's seed."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.run(self.problem, self.sets, self.out, self.video, self.seed)
 
 
@@ -111,6 +115,7 @@ class Validate:
     """A folder written by `dexplan run`."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.validate(self.folder)
 
 
@@ -122,6 +127,7 @@ class Render:
     """A folder written by `dexplan run`."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.render(self.folder)
 
 

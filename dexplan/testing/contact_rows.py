@@ -6,6 +6,7 @@ from dataclasses import fields
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from dexplan.spatial import Array
 from dexplan.testing.parties import Indices, Parties
@@ -40,7 +41,7 @@ def as_rows(model: mujoco.MjModel, parties: Parties, raw: RawContacts) -> Contac
     creep = np.stack([-s * drift[:, 0], -drift[:, 1], -drift[:, 2]], axis=1)
     pick = np.arange(len(s)), is_second.astype(int)
     other = np.arange(len(s)), 1 - is_second.astype(int)
-    return ContactRows(
+    return _make_rows(
         sample=raw.sample,
         on=party[pick],
         by=party[other],
@@ -104,7 +105,17 @@ def _compute_pyramidal_creep(raw: RawContacts) -> Array:
 
 def join_rows(parts: list[ContactRows]) -> ContactRows:
     """Return the rows of all chunks as one, locked."""
-    joined = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(ContactRows)}
-    for values in joined.values():
+    if len(parts) == 1:
+        return parts[0]
+    return _make_rows(
+        **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(ContactRows)}
+    )
+
+
+def _make_rows(**columns: NDArray) -> ContactRows:
+    """Return rows of arrays that nobody else holds: they are locked as they are, for a copy of each would cost as much as
+    reading them did.
+    """
+    for values in columns.values():
         values.setflags(write=False)
-    return ContactRows(**joined)
+    return ContactRows(**columns)

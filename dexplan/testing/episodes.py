@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 from dexplan.testing.measurement import Measurement
 from dexplan.testing.parties import Indices
 from dexplan.testing.rows import PairRows
@@ -33,6 +33,9 @@ class Episode:
     is_lost: bool
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def find_episodes(measured: Measurement, gap_s: float) -> list[Episode]:

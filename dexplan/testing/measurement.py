@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 from dexplan.testing.pairs import sum_pairs
 from dexplan.testing.parties import Indices, Parties
 from dexplan.testing.rows import ContactRows, PairRows
@@ -59,6 +59,9 @@ class Measurement:
     warnings: Mapping[str, int] = field(default_factory=dict)
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     def table(self) -> dict[str, NDArray]:
         """Return the contacts as named columns of equal length, ready for ``pandas.DataFrame`` or a CSV file."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
 from dexplan.errors import SceneError, UnknownNameError
+from dexplan.spatial import lock_arrays
 
 Indices = NDArray[np.intp]
 
@@ -32,6 +33,9 @@ class Parties:
     is_watched: NDArray[np.bool_]
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def find_parties(model: mujoco.MjModel, tips: Sequence[str] | None, object_name: str | None) -> Parties:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 from dexplan.testing.parties import Indices
 
 
@@ -56,6 +56,9 @@ class ContactRows:
     creep: Array
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def force_W(self) -> Array:
@@ -95,3 +98,6 @@ class PairRows:
     creep_spin: Array
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)

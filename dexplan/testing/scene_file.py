@@ -12,7 +12,7 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.errors import SceneError
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 SCENE_ACCEPTED = "accepted: an MJCF file that this MuJoCo compiles, or an .mjb of it"
 ASSET_TAGS = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
@@ -27,6 +27,9 @@ class Drive:
     steps_per_sample: int
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def load_model(path: Path) -> mujoco.MjModel:

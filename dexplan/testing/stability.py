@@ -33,6 +33,7 @@ class Checked:
 
     @property
     def is_passed(self) -> bool:
+        """Whether there was a baseline and the contacts are where it says."""
         return self.drift is not None and self.drift.is_within
 
     def table(self) -> str:

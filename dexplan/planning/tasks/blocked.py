@@ -94,11 +94,11 @@ def explain_contact(
         )
         return (
             Condition.JOINTS,
-            f"{name} would be {left}, and {np.degrees(limits.joint_margin):.0f} deg are kept",
+            f"{name} would be {left}, and {np.degrees(limits.joint_margin):.3g} deg are kept",
         )
     if float(estimate_dexterity(chain, q[None])[0]) < limits.dexterity:
         return Condition.POSTURE, "its posture would be nearly singular"
-    posture = hand.q_home
+    posture = hand.q_home.copy()
     posture[finger] = q
     nearest = hand.probe.find_nearest(posture, make_pose(p=center), (finger,), list_others(hand, finger))
     if nearest.distance < limits.clearance:

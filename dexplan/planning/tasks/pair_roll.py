@@ -24,7 +24,7 @@ from dexplan.planning.rolling.roll_gait import STEP, build_roll, end_placement, 
 from dexplan.planning.rolling.roll_to_goal import Rolled
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.spatial import Array, build_frame
+from dexplan.spatial import Array, build_frame, lock_arrays
 
 HEADINGS = 12
 """Directions in which a contact may roll, evenly around its normal."""
@@ -44,6 +44,9 @@ class _Candidate:
     toward: Array
     angles: tuple[float, float]
     normals_W: tuple[Array, Array]
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 @dataclass(eq=False)
