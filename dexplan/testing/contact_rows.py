@@ -37,7 +37,9 @@ def as_rows(model: mujoco.MjModel, parties: Parties, raw: RawContacts) -> Contac
     turning = np.einsum("nji,nj->ni", R_WC, turning)
     is_elliptic = model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
     # Drift is that of the second geom against the first, like the force; `by` against `on` is the opposite where `on` is second.
-    drift = _compute_elliptic_creep(raw) if is_elliptic else _compute_pyramidal_creep(raw)
+    # A contact without damping (solref of a user's own) never comes to rest: it has no drift that could be told, NaN.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        drift = _compute_elliptic_creep(raw) if is_elliptic else _compute_pyramidal_creep(raw)
     creep = np.stack([-s * drift[:, 0], -drift[:, 1], -drift[:, 2]], axis=1)
     pick = np.arange(len(s)), is_second.astype(int)
     other = np.arange(len(s)), 1 - is_second.astype(int)

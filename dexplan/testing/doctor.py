@@ -18,6 +18,8 @@ from dexplan.testing.verdict import Judgement, Kind, judge_contacts
 
 HOLDS = {Kind.STUCK, Kind.CREEPING, Kind.ROLLING}
 """Verdicts under which a contact holds; creep and rolling are told, and are no failure."""
+DIVERGED = {"badqpos", "badqvel", "badqacc", "badctrl"}
+"""MuJoCo's warnings after which it starts the simulation anew, or leaves controls out."""
 LONGEST_S = 3600.0
 """Seconds that a scene is run for at most, where no file has its controls: more is a slip of the hand."""
 
@@ -52,11 +54,16 @@ class Diagnosis:
     proposals: tuple[str, ...]
     trials: tuple[Trial, ...]
     notes: tuple[str, ...]
+    unstable: tuple[str, ...] = ()
 
     @property
     def is_well(self) -> bool:
         """Whether every contact holds and the forces obey Newton's law."""
-        return not self.judged.findings and all(v.kind in HOLDS for v in self.judged.verdicts)
+        return (
+            not self.unstable
+            and not self.judged.findings
+            and all(v.kind in HOLDS for v in self.judged.verdicts)
+        )
 
     def __str__(self) -> str:
         lines = [*self.notes, str(self.judged) if self.judged.verdicts else "nothing touched"]
@@ -69,6 +76,8 @@ class Diagnosis:
         """Return the last line: whether the contacts hold, and if not, which does not and what cured it."""
         if self.is_well:
             return f"HOLDS {len(self.judged.verdicts)} contact episodes"
+        if self.unstable:
+            return f"FAIL {self.unstable[0]}"
         bad = [v for v in self.judged.verdicts if v.kind not in HOLDS]
         if not bad:
             return f"FAIL {self.judged.findings[0].kind}"
@@ -89,11 +98,12 @@ def diagnose(run: SceneRun, *, with_trials: bool) -> Diagnosis:
         trials = ()
         found = [c for v in judged.verdicts for c in propose_cures(model, measured, v)]
         proposals = list(dict.fromkeys(f"{cure.text} ({cure.why})" for cure in found))
-    unstable = [f"MuJoCo warns: {name} ({count} times)" for name, count in measured.warnings.items()]
+    warned = [f"MuJoCo warns: {name} ({count} times)" for name, count in measured.warnings.items()]
     return Diagnosis(
         judged=judged,
         bites=tuple(find_bites(model, measured, judged)),
         proposals=tuple(proposals),
         trials=trials,
-        notes=(*measured.not_recorded, *unstable),
+        notes=(*measured.not_recorded, *warned),
+        unstable=tuple(f"the simulation diverged ({name})" for name in measured.warnings if name in DIVERGED),
     )

@@ -79,7 +79,8 @@ class ContactRecorder:
         """Return what happened at the contacts of all recorded states; steps nothing and changes nothing."""
         model, parties = self._kept, self.parties
         self._look([name for name in dir(model) if not name.startswith("_")])
-        readings = read_states(model, parties, self._states[: self._count])
+        count = self._find_end()
+        readings = read_states(model, parties, self._states[:count])
         return Measurement(
             parties=parties,
             physics=_read_physics(model, parties.object_body),
@@ -91,7 +92,7 @@ class ContactRecorder:
             drives=find_drives(model, parties),
             solver_iterations=readings.solver_iterations,
             geom_names=tuple(name_geom(model, g) for g in range(model.ngeom)),
-            not_recorded=tuple(self._describe_changes()),
+            not_recorded=tuple(self._describe_changes(count)),
             warnings=_read_warnings(self._data),
         )
 
@@ -109,8 +110,20 @@ class ContactRecorder:
             elif isinstance(was, np.ndarray) and was.dtype.kind in "fiub" and was.tobytes() != now.tobytes():
                 self._changed[name] = self._count
 
-    def _describe_changes(self) -> list[str]:
-        return [
+    def _find_end(self) -> int:
+        """Return how many states belong to one run: time does not go back, and nothing is NaN."""
+        states = self._states[: self._count]
+        # Time is the first number of a state.
+        is_on = np.append(True, np.diff(states[:, 0]) >= 0.0) if len(states) else np.zeros(0, dtype=bool)
+        is_on &= np.isfinite(states).all(axis=1)
+        return self._count if is_on.all() else int(np.argmin(is_on))
+
+    def _describe_changes(self, count: int) -> list[str]:
+        cut = [
+            f"time went back, or something is NaN, at sample {count} (a reset, MuJoCo's own after it diverged?): what follows "
+            "is left out"
+        ]
+        return (cut if count < self._count else []) + [
             f"model.{name} was changed after recording began (noticed at sample {count}): contacts are told as if it had not"
             for name, count in sorted(self._changed.items())
         ]

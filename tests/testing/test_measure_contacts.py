@@ -165,6 +165,56 @@ def test_a_model_that_was_changed_on_the_way_is_named() -> None:
     assert "model.opt.impratio was changed" in told[1]
 
 
+def test_a_run_that_was_reset_or_diverged_ends_there() -> None:
+    model = slope(0.5)
+    data = mujoco.MjData(model)
+    recorder = ContactRecorder(model, data)
+    for k in range(30):
+        if k == 20:
+            mujoco.mj_resetData(model, data)
+        recorder.record()
+        mujoco.mj_step(model, data)
+    measured = recorder.measure()
+    assert len(measured.time) == 20
+    assert "at sample 20" in measured.not_recorded[0]
+    controls = pinch_controls(200)
+    controls[100:, 3] = 9e9
+    diverged = measure_contacts(pinch(), None, controls)
+    assert set(diverged.warnings) & {"badqacc", "badqvel", "badqpos"}
+    assert len(diverged.time) < 200
+    assert np.isfinite(diverged.contacts.force).all()
+
+
+def test_mocap_switched_equalities_and_applied_forces_are_recorded() -> None:
+    """A mocap plate carries a block, a force pushes it, and a weld is switched off on the way."""
+    model = mujoco.MjModel.from_xml_string(f"""
+    <mujoco><option {ELLIPTIC}/>
+      <worldbody>
+        <body name="plate" mocap="true"><geom type="box" size=".1 .1 .01"/></body>
+        <body name="block" pos="0 0 .0299"><freejoint/><geom type="box" size=".02 .02 .02" mass=".1"/></body>
+      </worldbody>
+      <equality><weld body1="plate" body2="block"/></equality>
+    </mujoco>""")
+    data = mujoco.MjData(model)
+    recorder, expected = ContactRecorder(model, data, object="block"), []
+    for k in range(200):
+        data.mocap_pos[0, 2] = 1e-4 * k
+        data.eq_active[0] = k < 100
+        data.xfrc_applied[2, 0] = 0.05 * np.sin(0.1 * k)
+        recorder.record()
+        mujoco.mj_step(model, data)
+        wrench, total = np.zeros(6), np.zeros(3)
+        for c in np.flatnonzero(data.contact.efc_address >= 0):
+            mujoco.mj_contactForce(model, data, c, wrench)
+            sign = 1.0 if data.contact[c].geom2 == 1 else -1.0
+            total += sign * data.contact[c].frame.reshape(3, 3).T @ wrench[:3]
+        expected.append(total)
+    rows = recorder.measure().contacts
+    seen = np.zeros((200, 3))
+    np.add.at(seen, rows.sample, rows.force_W)
+    np.testing.assert_allclose(seen, expected, atol=1e-12)
+
+
 def test_parts_of_an_object_and_walls_have_names() -> None:
     model = mujoco.MjModel.from_xml_string("""
     <mujoco><worldbody>
