@@ -84,7 +84,7 @@ def _compute_elliptic_creep(raw: RawContacts) -> Array:
     v = -R f / B.
     """
     has = np.arange(1, 4) < raw.dim[:, None]
-    drift = -raw.rows_R[:, 1:4] * raw.rows_force[:, 1:4] / raw.KBIP[:, 1:2]
+    drift = -raw.rows_R[:, 1:4] * raw.rows_force[:, 1:4] / raw.damping[:, None]
     return np.where(has, drift, 0.0)
 
 
@@ -97,8 +97,8 @@ def _compute_pyramidal_creep(raw: RawContacts) -> Array:
     has = np.arange(1, 4) < raw.dim[:, None]
     mu = np.where(has & (raw.friction[:, :3] > 0), raw.friction[:, :3], np.inf)
     mu[:, 1:] = np.where(has[:, 1:], raw.friction[:, 1:3], np.inf)
-    R, damping = raw.rows_R[:, :1], raw.KBIP[:, 1:2]
-    pull = (raw.KBIP[:, 0] * raw.KBIP[:, 2] * raw.position)[:, None]
+    R, damping = raw.rows_R[:, :1], raw.damping[:, None]
+    pull = raw.pull[:, None]
     plus, minus = raw.rows_force[:, 0:6:2], raw.rows_force[:, 1:6:2]
     both = -R * (plus - minus) / (2.0 * mu * damping)
     alone = np.maximum(R * np.maximum(plus, minus) + pull, 0.0) / (damping * mu) * -np.sign(plus - minus)

@@ -13,6 +13,8 @@ from dexplan.testing.parties import Indices, Parties, list_descendants
 
 MOST_ROWS = 10
 """Constraint rows of one contact at most: a pyramid of condim 6 has two edges for each of its five directions."""
+MOST_ROWS_ELLIPTIC = 6
+"""Those of an elliptic contact: its normal and five directions of friction."""
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 TIES = int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)
 """Equalities between bodies; those of joints and tendons give a free joint no force."""
@@ -28,9 +30,9 @@ class RawContacts:
 
     ``sample`` (N,), ``geom`` (N, 2), ``dim`` (N,), ``frame`` (N, 3, 3) with rows n, t1, t2, ``pos`` (N, 3), ``dist`` (N,),
     ``friction`` (N, 5); ``wrench`` (N, 6), normal-first.  ``twist`` (N, 2, 6) are ``cvel`` (angular, linear) of both bodies
-    about the centres of mass ``center`` (N, 2, 3) of their trees.  ``rows_R``, ``rows_force`` (N, 10) are the contact's
-    constraint rows; ``KBIP`` (N, 4) and, for pyramids, ``position`` (N,), distance less margin, of its first row say what
-    reference acceleration MuJoCo asks for.
+    about the centres of mass ``center`` (N, 2, 3) of their trees.  ``rows_R``, ``rows_force`` (N, 6 or 10) are the
+    contact's constraint rows.  The reference acceleration that MuJoCo asks of its first row is -``damping`` (N,) times its
+    velocity, less ``pull`` (N,), told for pyramids alone.
     """
 
     sample: Indices
@@ -45,8 +47,8 @@ class RawContacts:
     center: Array
     rows_R: Array
     rows_force: Array
-    KBIP: Array
-    position: Array
+    damping: Array
+    pull: Array
 
 
 class _Buffer:
@@ -77,7 +79,7 @@ class RawReader:
         self._counts: list[tuple[int, int, int]] = []
         self._contacts = (_Buffer((2,), whole), _Buffer((), whole), _Buffer((), whole))
         self._shapes = _Buffer((9,)), _Buffer((3,)), _Buffer(), _Buffer((5,))
-        self._rows, self._position = (_Buffer(), _Buffer(), _Buffer((4,))), _Buffer()
+        self._rows, self._pull = (_Buffer(), _Buffer(), _Buffer()), _Buffer()
         self.is_elliptic = model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
         self._twist, self._center = np.zeros((CHUNK, model.nbody, 6)), np.zeros((CHUNK, model.nbody, 3))
 
@@ -97,12 +99,13 @@ class RawReader:
         dist.append(contact.dist.copy())
         friction.append(contact.friction.copy())
         if data.nefc:
-            R, force, KBIP = self._rows
+            R, force, damping = self._rows
             R.append(data.efc_R.copy())
             force.append(data.efc_force.copy())
-            KBIP.append(data.efc_KBIP.copy())
+            KBIP = data.efc_KBIP
+            damping.append(KBIP[:, 1].copy())
             if not self.is_elliptic:
-                self._position.append(data.efc_pos - data.efc_margin)
+                self._pull.append(KBIP[:, 0] * KBIP[:, 2] * (data.efc_pos - data.efc_margin))
         self._twist[t], self._center[t] = data.cvel, data.subtree_com
 
     def take(self, begin: int) -> RawContacts:
@@ -116,14 +119,15 @@ class RawReader:
         first_row = np.repeat(np.cumsum(counts[:, 2]) - counts[:, 2], counts[:, 1])
         geom, address, dim = (buffer.take() for buffer in self._contacts)
         frame, pos, dist, friction = (buffer.take() for buffer in self._shapes)
-        R, force, KBIP = (buffer.take() for buffer in self._rows)
-        position = np.zeros(len(R)) if self.is_elliptic else self._position.take()
+        R, force, damping = (buffer.take() for buffer in self._rows)
+        pull = np.zeros(len(R)) if self.is_elliptic else self._pull.take()
         # A contact with a flex has no geom; one within a gap has no constraint.
         kept = np.flatnonzero(
             (address >= 0) & (geom.min(axis=1, initial=0) >= 0) & self.is_kept[geom].any(axis=1)
         )
         first = (first_row + address)[kept]
-        rows = np.minimum(first[:, None] + np.arange(MOST_ROWS), max(len(R) - 1, 0))
+        width = MOST_ROWS_ELLIPTIC if self.is_elliptic else MOST_ROWS
+        rows = np.minimum(first[:, None] + np.arange(width), max(len(R) - 1, 0))
         body = self.model.geom_bodyid[geom[kept]]
         when = sample[kept][:, None]
         row_force = force[rows]
@@ -141,8 +145,8 @@ class RawReader:
             center=self._center[when, self.model.body_rootid[body]],
             rows_R=R[rows],
             rows_force=row_force,
-            KBIP=KBIP[first],
-            position=position[first],
+            damping=damping[first],
+            pull=pull[first],
         )
 
     def read_needed_force(self, data: mujoco.MjData) -> Array:

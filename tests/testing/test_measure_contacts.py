@@ -268,7 +268,7 @@ def test_recording_and_evaluation_cost_little() -> None:
         f'<mujoco><option timestep="0.001" {ELLIPTIC}/><worldbody><geom type="plane" size="1 1 1"/>{boxes}</worldbody></mujoco>'
     )
     data, clock, tries = mujoco.MjData(model), time.process_time, []
-    for _ in range(5):
+    for _ in range(10):
         recorder = ContactRecorder(model, data, object="b0", tips=["b1", "b2"])
         began = clock()
         for _ in range(SAMPLES):
