@@ -34,7 +34,7 @@ STRIDE = 4
 """A first look at a motion checks every so many stations."""
 GAIN = 0.5
 """A plan that costs less than the one in hand by no more than this share of a placement is not worth looking for."""
-CROWDED, FAILED = 1.0, 0.25
+COST_OF_OPENED_LIKES, COST_OF_FAILED_LIKES = 1.0, 0.25
 """What a node's priority loses for every one like it that was opened, or tried in vain, before: else the search would spend its
 nodes on variations of one idea."""
 CURE = "raise the friction, lower friction.safety, or use a lighter object"
@@ -72,7 +72,7 @@ class GaitSearch:
         self._crowds: dict[tuple[object, ...], float] = {}
         self._refusals: dict[str, int] = {}
         self._ranking = Ranking(self.tables, self._rewinds_only)
-        self._weights, self._dearest = CostWeights(), np.inf
+        self._weights, self._cost_limit = CostWeights(), np.inf
         self.opened = 0
 
     @property
@@ -125,7 +125,7 @@ class GaitSearch:
 
     def seek_cheaper(self, cost: float, weights: CostWeights) -> None:
         """Go on without what will hardly cost less than ``cost``."""
-        self._dearest, self._weights = cost, weights
+        self._cost_limit, self._weights = cost, weights
 
     def run(self, nodes: int) -> Node | None:
         """Open up to ``nodes`` more nodes; return the one from which the goal is reached, None if there was none."""
@@ -133,7 +133,7 @@ class GaitSearch:
         while self._heap and self.opened < limit:
             entry = heapq.heappop(self._heap)
             node, key = entry.node, self._key(entry.node)
-            if key in self._seen or self._is_dear(node):
+            if key in self._seen or self._costs_too_much(node):
                 continue
             cell = self._cell(node)
             crowd = self._crowds.get(cell, 0.0)
@@ -142,10 +142,10 @@ class GaitSearch:
                 continue
             if node.lifted is not None and (refusal := self._check_arrival(node)):
                 self._refuse(refusal)
-                self._crowds[cell] = crowd + FAILED
+                self._crowds[cell] = crowd + COST_OF_FAILED_LIKES
                 continue
             self._seen.add(key)
-            self._crowds[cell] = crowd + CROWDED
+            self._crowds[cell] = crowd + COST_OF_OPENED_LIKES
             self.opened += 1
             refusal = self._walk(node)
             if refusal:
@@ -281,12 +281,12 @@ class GaitSearch:
         )
         return node.leg, node.done // 5, places
 
-    def _is_dear(self, node: Node) -> bool:
+    def _costs_too_much(self, node: Node) -> bool:
         """Return whether a way through ``node`` is no improvement on the plan in hand."""
-        if self._dearest == np.inf:
+        if self._cost_limit == np.inf:
             return False
         gain = GAIN * self._weights.placement
-        return self._ranking.foresee_cost(node, self._weights) > self._dearest - gain
+        return self._ranking.foresee_cost(node, self._weights) > self._cost_limit - gain
 
     def _refuse(self, refusal: str) -> None:
         text = without_numbers(refusal)

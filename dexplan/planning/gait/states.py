@@ -28,7 +28,7 @@ _SAMPLE = 5
 """A finger's own weight is computed at one of so many stations."""
 DETOUR_COST = 2
 """A relocation by a detour counts as so many placements more: where arcs do, they are taken."""
-PATIENCE = 12
+MOST_FAILED_DETOURS = 12
 """So many detours are looked for in vain while one goal is planned for; after that what is in the way of an arc is believed."""
 OVERLOAD = "the contacts cannot carry the load (friction)"
 
@@ -223,7 +223,9 @@ class StateChecks:
                 )
                 arc = self._arcs[where(moving)] = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
             around = self._around(moving, holding, done)
-            way = find_way(around, arc, looks_around and self._admissibility.failed_detours < PATIENCE)
+            way = find_way(
+                around, arc, looks_around and self._admissibility.failed_detours < MOST_FAILED_DETOURS
+            )
             if looks_around and not way.around and way.clearance < self._hand.limits.clearance:
                 self._admissibility.failed_detours += 1
             self._ways[key] = way

@@ -23,7 +23,7 @@ from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
 from dexplan.spatial import Array
 
-PATIENCE = 30
+NODES_TO_IMPROVE = 30
 """After the first way is found as many nodes as it took are opened again, and so many more, to find a better one."""
 
 
@@ -98,7 +98,7 @@ class AdjustmentSearch(AbstractStandSearch):
                 self._refuse(refusal, node)
                 continue
             if best is None:
-                until = min(until, 2 * self.opened + PATIENCE)
+                until = min(until, 2 * self.opened + NODES_TO_IMPROVE)
             if best is None or node.spent < best.spent:
                 best, option = node, self._options[self._label(node)]
             if not self.is_simultaneous:

@@ -20,7 +20,7 @@ from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.still import Stand
 from dexplan.planning.ways.travel import spell_nearness
 
-GREED = 2.5
+HEURISTIC_WEIGHT = 2.5
 """How much more moves still to be made count than those already made."""
 CARRY_COST, START_COST = 0.3, 0.4
 """What a carry from pose to pose counts, and the first one after a relocation in addition; a placement or a lift counts 1."""
@@ -28,7 +28,7 @@ HIDDEN = 0.45
 """What a lift before a carry, or a placement after one, counts less where the finger travels meanwhile."""
 LOAD_COST = 0.4
 """What a landing counts in addition whose pair uses all of the believed cone."""
-SAME = 0.5
+COST_OF_LIKES = 0.5
 """How much later a grasp is opened for every one like it that has been."""
 KINDS = spread_directions(40)
 """Contacts are alike whose directions are nearest to the same one of these."""
@@ -68,15 +68,15 @@ class AbstractStandSearch(ABC):
         nearest = self._refusals[min(self._refusals)]
         return min(nearest, key=lambda text: (-nearest[text], text))
 
-    def _open_next(self, node_budget: int, dearest: float = np.inf) -> Node | None:
+    def _open_next(self, node_budget: int, cost_limit: float = np.inf) -> Node | None:
         """Return the next node whose move can be made; None where nothing, or no budget, is left.
 
-        ``dearest``: a way that counts so much is known.
+        ``cost_limit``: a way that counts so much is known.
         """
         while self._heap and self.opened < node_budget:
             entry = heapq.heappop(self._heap)
             node = entry.node
-            if (node.layer, node.stand) in self._seen or self._bound(node) >= dearest:
+            if (node.layer, node.stand) in self._seen or self._bound(node) >= cost_limit:
                 continue
             # Grasps like those that led nowhere come later: small variations of one idea must not use up the budget.
             kind = self._kind(node)
@@ -124,7 +124,7 @@ class AbstractStandSearch(ABC):
 
     def _rank(self, node: Node) -> float:
         ahead = self._missing(node) + CARRY_COST * (self.layers.last - node.layer)
-        return node.spent + GREED * ahead + node.drawback + SAME * node.waited
+        return node.spent + HEURISTIC_WEIGHT * ahead + node.drawback + COST_OF_LIKES * node.waited
 
     def _push(self, node: Node) -> None:
         rank = self._rank(node)

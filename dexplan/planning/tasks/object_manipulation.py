@@ -19,7 +19,7 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.cost import Improvement
-from dexplan.planning.gait.escape import ENOUGH, count_room, find_escapes
+from dexplan.planning.gait.escape import MOST_PLACES_COUNTED, count_room, find_escapes
 from dexplan.planning.gait.held import Held
 from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_detours, build_routes, list_swings
@@ -39,7 +39,7 @@ ROUTE_COST = 12.0
 """The next route is tried whenever so many more nodes have been opened."""
 SPENT = 0.1
 """What every node opened on a route takes from its promise, in placements."""
-DOUBT = 24
+BUDGET_OFF_THE_GRID = 24
 """Nodes that may be opened although no pair of contacts of a grid holds the object at its goal."""
 START_CLOSURE = float(np.radians(1.0))
 """Angle that a pair to start from keeps to the border of the believed friction cones [rad]; pairs that are chosen keep more."""
@@ -193,7 +193,7 @@ class _Planning:
                 return self._refuse("goal_unreachable", refusal)
             # The grid of contacts that this was asked of is fine, not endless: the start grasp may be what holds there.
             self.refusal = refusal
-            self.node_budget = min(self.node_budget, DOUBT)
+            self.node_budget = min(self.node_budget, BUDGET_OFF_THE_GRID)
         first = GaitSearch(self.hand, build_routes(self.goal)[0], self._admissibility, self.primitives)
         self.searches.append(first)
         return self._begin_first(first)
@@ -270,7 +270,7 @@ class _Planning:
         is_stuck = not room
         if not is_stuck:
             yield from straight
-        if room >= ENOUGH:
+        if room >= MOST_PLACES_COUNTED:
             return
         detours = [build_detours(self.goal, e.axis_W, e.angle) for e in find_escapes(table, pair)]
         yield from (ways[0] for ways in detours)

@@ -20,7 +20,7 @@ from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.escape import DEAR, ENOUGH, count_room_at, find_places
+from dexplan.planning.gait.escape import LONGEST_TURN_COST, MOST_PLACES_COUNTED, count_room_at, find_places
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.rolling.roll_gait import STEP, build_roll, end_placement, follow_roll, judge_ways
 from dexplan.planning.rolling.roll_to_goal import Rolled
@@ -97,7 +97,10 @@ class PairRolls:
                 continue
             normals = {c.finger: R_WO @ n for c, n in zip((a, b), ends, strict=True)}
             if room := count_room_at(table, normals, places):
-                score = min(room, ENOUGH) / ENOUGH - DEAR * angle / ANGLES[-1]
+                score = (
+                    min(room, MOST_PLACES_COUNTED) / MOST_PLACES_COUNTED
+                    - LONGEST_TURN_COST * angle / ANGLES[-1]
+                )
                 found.append(_Candidate(score, toward, angles, (normals[a.finger], normals[b.finger])))
         return found
 

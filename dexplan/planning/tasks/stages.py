@@ -44,7 +44,7 @@ SEARCH_BUDGET = 160
 """Nodes that one search for an adjustment may open."""
 GAIT_WORK = 6
 """A node of the gait before it takes so many times as long."""
-AGAIN = 30
+LEAST_WORK_REPEATED = 30
 """At least so much work counts when better plans are looked for as long again."""
 SIDE_WORK, ROLLED_SIDE_WORK = 10, 30
 """A look at the goal's side takes as long as so many nodes; rolling a goal grasp apart takes longer."""
@@ -155,14 +155,14 @@ class Stages:
         budget: int = SEARCH_BUDGET,
         limit: float = np.inf,
         part: Pass | None = None,
-        dearest: float = np.inf,
+        cost_limit: float = np.inf,
     ) -> Outcome:
         """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
         ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
         ``budget`` bounds the nodes of every search, ``limit`` the work done before one is begun; ``part`` says which share of
         ``before`` is left to the search and how much is tried, by default all shares, one after another.  Asked again for the
-        same way with more, it goes on where it stopped.  ``dearest``: what costs as much for sure is left out.
+        same way with more, it goes on where it stopped.  ``cost_limit``: what costs as much for sure is left out.
         """
         X_WO = after.X_WO_start
         goal, missing = self.land_goal(X_WO)
@@ -190,7 +190,7 @@ class Stages:
                 break
             asked = Pass(k, ENDS, len(BUDGETS) - 1) if part is None else part
             found = self._adjust(
-                side, before, shares[k], after, is_attitude, is_simultaneous, budget, limit, asked, dearest
+                side, before, shares[k], after, is_attitude, is_simultaneous, budget, limit, asked, cost_limit
             )
             if found.is_found:
                 return found
@@ -234,13 +234,13 @@ class Stages:
                     is_simultaneous=is_simultaneous,
                     limit=limit,
                     part=part,
-                    dearest=cheapest,
+                    cost_limit=cheapest,
                 )
                 if not found.is_found:
                     refused[key] = found
                     continue
                 if best is None:
-                    more = self.improvement.share * max(self.work - begun, AGAIN)
+                    more = self.improvement.share * max(self.work - begun, LEAST_WORK_REPEATED)
                     limit = min(limit, int(self.work + more))
                 if (cost := compute_actions_cost(self.improvement.weights, found.actions)) < cheapest:
                     cheapest, best = cost, replace(found, number=number)
@@ -265,7 +265,7 @@ class Stages:
         budget: int,
         limit: float,
         part: Pass,
-        dearest: float,
+        cost_limit: float,
     ) -> Outcome:
         """Plan one way as in :meth:`run`, the last share ``rest`` of ``before`` left to the search that adjusts the grasp.
 
@@ -289,7 +289,7 @@ class Stages:
             attempt.asked += 1
             found = None
             if end is not None:
-                if self._bound(search, end) >= dearest:
+                if self._bound(search, end) >= cost_limit:
                     continue
                 begun.append(end)
                 found = search.begin(end.contacts)
