@@ -19,6 +19,7 @@ from dexplan.errors import DexplanError, RunFolderError
 from dexplan.kinematics.workspace import load_workspace
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.plan import Plan
+from dexplan.plan.status import Status
 from dexplan.planning.admissible.hand import AdmissibleLimits, HandModel
 from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.planning.gait.cost import CostWeights, Improvement
@@ -140,12 +141,12 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
     if reason := build_squeeze(problem, scene).refusal:
-        return replace(refuse(hand, goal, "object_too_light", reason), goal_kind=asked.kind)
+        return replace(refuse(hand, goal, Status.OBJECT_TOO_LIGHT, reason), goal_kind=asked.kind)
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
     waiting = None if start is None else tuple(f for f, normal in enumerate(start) if normal is None)
     if reason := explain_obstruction(hand, waiting):
-        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
+        return replace(refuse(hand, goal, Status.BLOCKED, reason), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)

@@ -19,11 +19,10 @@ from dexplan.errors import RunFolderError
 from dexplan.plan.poses import read_pose, write_pose
 from dexplan.plan.roll import Roll
 from dexplan.plan.speed import PlannedSpeed
+from dexplan.plan.status import Status
 from dexplan.spatial import Array, read_only
 
 FORMAT = 1
-
-SOLVED = "solved"
 
 MUST, MAY, MUST_NOT = "must", "may", "must_not"
 """Whether a finger has to touch the object throughout a phase, may begin or end to touch in it, or has to stay off."""
@@ -125,7 +124,7 @@ class Action:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The answer to a problem: ``status`` "solved", or why not and what would help in ``reason``.
+    """The answer to a problem: its ``status``, and where that is a no what stood in the way and would help, in ``reason``.
 
     ``turned_angle`` is the signed unwrapped turn of the goal [rad], None where the goal is an attitude without an axis.
     ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.  ``goal_contacts`` says per finger where
@@ -134,7 +133,7 @@ class Plan:
     ``normal_ceiling`` of it at full load.  ``speed`` says how fast the object turns; None where it never turns, or nobody asked.
     """
 
-    status: str
+    status: Status
     reason: str
     fingers: tuple[str, ...]
     goal_kind: str
@@ -154,6 +153,7 @@ class Plan:
     __repr__ = brief_repr
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "status", Status(self.status))
         for name in ("X_WO_start", "X_WO_goal", "axis_W"):
             value = getattr(self, name)
             if value is not None:
@@ -165,7 +165,7 @@ class Plan:
     @property
     def is_solved(self) -> bool:
         """Whether the plan reaches the goal."""
-        return self.status == SOLVED
+        return self.status.is_solved
 
     def as_dict(self) -> dict[str, Any]:
         """Return the plan as JSON data (``plan.json``)."""
@@ -307,7 +307,7 @@ class Plan:
         wanted = goal.get("contacts")
         turned = goal["turned_angle_deg"]
         return cls(
-            status=data["status"],
+            status=Status(data["status"]),
             reason=data["reason"],
             fingers=tuple(names),
             goal_kind=goal["kind"],

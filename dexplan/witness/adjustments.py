@@ -15,6 +15,7 @@ from dexplan.brief import brief_repr
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.plan.plan import Plan
+from dexplan.plan.status import Status
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.sampling import sample_attitude
 from dexplan.planning.regrasp.still import build_landings
@@ -34,7 +35,7 @@ TRIES = 2000
 """Attitudes drawn before a seed is given up."""
 PLACES = 200
 """Directions drawn for every finger in every attitude."""
-UNFAIR = ("goal_contacts_unreachable", "goal_grasp_inadmissible", "goal_not_allowed")
+UNFAIR = (Status.GOAL_CONTACTS_UNREACHABLE, Status.GOAL_GRASP_INADMISSIBLE, Status.GOAL_NOT_ALLOWED)
 """Statuses that say that the goal grasp cannot be, however one might try to come to it."""
 
 

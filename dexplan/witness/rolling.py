@@ -17,8 +17,9 @@ from dexplan import pipeline
 from dexplan.brief import brief_repr
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.errors import DexplanError
-from dexplan.plan.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
+from dexplan.plan.plan import MUST, Action, Placement, Plan, PlannedPhase
 from dexplan.plan.roll import Roll
+from dexplan.plan.status import Status
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.tip_rotation import refuse_rotation
@@ -133,7 +134,7 @@ class Stand:
         if refusal := refuse_rotation(self.hand, actions):
             return None, refusal
         actions.append(replace(last, contacts_end=tuple(contacts)))
-        return replace(self.plan, actions=tuple(actions), status=SOLVED), ""
+        return replace(self.plan, actions=tuple(actions), status=Status.SOLVED), ""
 
 
 def build_stands(profile: str) -> list[Stand]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from dexplan import pipeline
 from dexplan.brief import brief_repr
-from dexplan.plan.plan import SOLVED, Action, Plan
+from dexplan.plan.plan import Action, Plan
+from dexplan.plan.status import Status
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll_actions
@@ -59,7 +60,7 @@ def build_three_to_two(problem: Problem, *, is_early: bool = False) -> tuple[Pla
         lift = replace(lift, contacts_end=gone)
     end = build_hold(list(lift.contacts_end), still, "the pair holds")
     actions: tuple[Action, ...] = (hold, lift, end) if is_early else (hold, roll, lift, end)
-    return replace(plan, status=SOLVED, reason="", actions=actions), ""
+    return replace(plan, status=Status.SOLVED, reason="", actions=actions), ""
 
 
 def run_three_to_two(sliding: float, tip_radius: float, profile: str = "firm") -> ThreeToTwo:

@@ -15,7 +15,8 @@ from dexplan import pipeline
 from dexplan.control.reference import Timing, build_reference
 from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
-from dexplan.plan.plan import SOLVED, Placement, Plan
+from dexplan.plan.plan import Placement, Plan
+from dexplan.plan.status import Status
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.steps import Step
@@ -165,7 +166,17 @@ def plan(barred: Landing) -> Plan:
     names = tuple(f.name for f in barred.hand.fingers)
     axis = np.array([0.0, 0.0, 1.0])
     return Plan(
-        SOLVED, "", names, "object_manipulation", X_WO, X_WO, axis, 0.0, (None, two, three), actions, 5.5
+        Status.SOLVED,
+        "",
+        names,
+        "object_manipulation",
+        X_WO,
+        X_WO,
+        axis,
+        0.0,
+        (None, two, three),
+        actions,
+        5.5,
     )
 
 

@@ -17,7 +17,7 @@ from dexplan.planning.tasks.dextrous_manipulation import Order, plan_dextrous_ma
 from dexplan.planning.tasks.ends import BUDGETS, Ends, choose_beginnings
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
 from dexplan.planning.tasks.object_manipulation import plan_rotation
-from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Outcome, Stop
+from dexplan.planning.tasks.passes import PASSES, Outcome, Stop
 from dexplan.planning.tasks.reorient import Turns
 from dexplan.planning.tasks.stages import Stages
 from dexplan.problems.problem import compute_contact_directions
@@ -54,7 +54,7 @@ def hard() -> Asked:
 
 
 def check_gave_up(plan: Plan) -> None:
-    assert plan.status == GAVE_UP == "budget_exhausted"
+    assert plan.status == "budget_exhausted"
     assert f"gave up after {int(plan.statistics['nodes'])} nodes" in plan.reason
     assert "there may be a way" in plan.reason
     for physics in ("friction", "lighter", "nearer to opposite"):

@@ -10,7 +10,8 @@ import numpy as np
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, Timing, build_reference
-from dexplan.plan.plan import SOLVED, Plan
+from dexplan.plan.plan import Plan
+from dexplan.plan.status import Status
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.gait.steps import Step
 from dexplan.problems.problem import Problem
@@ -60,7 +61,7 @@ def plan_of(problem: Problem) -> Plan:
         step = Step(contacts, plan.X_WO_start, plan.X_WO_start, 0.0, None, None, (None, "the goal"))
         assert plan.axis_W is not None
         actions = build_actions([step], plan.start_contacts, plan.axis_W)
-        return replace(plan, status=SOLVED, reason="", actions=actions)
+        return replace(plan, status=Status.SOLVED, reason="", actions=actions)
     assert plan.is_solved, plan.reason
     return plan
 

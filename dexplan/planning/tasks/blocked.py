@@ -10,6 +10,7 @@ from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.plan import Placement
+from dexplan.plan.status import Status
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.conditions import Condition, classify_nearness, explain_locked_joint
 from dexplan.planning.admissible.hand import HandModel
@@ -108,7 +109,9 @@ def explain_contact(
     return None, ""
 
 
-def explain_start_contact(hand: HandModel, X_WO: Array, finger: int, given: StartContact) -> tuple[str, str]:
+def explain_start_contact(
+    hand: HandModel, X_WO: Array, finger: int, given: StartContact
+) -> tuple[Status, str]:
     """Return the status and the reason that refuse a start contact which its finger cannot hold, whatever the others do."""
     pose = given.X_OF if isinstance(given, Placement) else given
     X_WF = X_WO @ pose if pose.shape == (4, 4) else None
@@ -117,7 +120,7 @@ def explain_start_contact(hand: HandModel, X_WO: Array, finger: int, given: Star
         why = locked
     why = why or "its joints would come too near to their limits"
     cure = f"{condition}, or " if condition in (Condition.STANDING, Condition.JOINTS) else ""
-    return "blocked" if condition is Condition.STANDING else "start_unreachable", (
+    return Status.BLOCKED if condition is Condition.STANDING else Status.START_UNREACHABLE, (
         f"{hand.fingers[finger].name} cannot hold its start contact: {why}; "
         f'{cure}move the contact towards the finger, or set start.contacts_deg = "auto"'
     )

@@ -17,12 +17,13 @@ from dexplan.kinematics.workspace import spread_directions
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.motion import ObjectMotion
 from dexplan.plan.plan import Plan
+from dexplan.plan.status import Status
 from dexplan.planning.actions.overlap import overlap_travel
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.tasks.object_manipulation import FIRST, Start
-from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Pass
+from dexplan.planning.tasks.passes import PASSES, Pass
 from dexplan.planning.tasks.stages import Stages
 
 KIND = "dextrous_manipulation"
@@ -62,17 +63,16 @@ def plan_dextrous_manipulation(
         # Three searches vie for the shortest time already.
         improvement = FIRST
     stages = Stages(hand, goal.X_WO_start, start, contacts, node_budget, primitives, improvement)
-    if stages.start_refusal:
+    if stages.is_start_refused:
         return stages.refuse(KIND, goal, stages.hold.status, stages.hold.reason)
-    status, reason = refuse_goal_contacts(hand, contacts)
-    if status:
-        return stages.refuse(KIND, goal, status, reason)
+    if refused := refuse_goal_contacts(hand, contacts):
+        return stages.refuse(KIND, goal, *refused)
     landed, missing = stages.land_goal(goal.X_WO_goal)
     if missing:
         return stages.refuse(
             KIND,
             goal,
-            "goal_contacts_unreachable",
+            Status.GOAL_CONTACTS_UNREACHABLE,
             f"{missing} cannot reach the goal contact with the object at its goal; move the contact towards the finger, "
             + ("shorten goal.translation_m, or " if np.any(goal.shift_W) else "or ")
             + "choose another attitude",
@@ -81,7 +81,7 @@ def plan_dextrous_manipulation(
         return stages.refuse(
             KIND,
             goal,
-            "goal_grasp_inadmissible",
+            Status.GOAL_GRASP_INADMISSIBLE,
             f"the goal contacts cannot hold the object at its goal ({refusal}); {suggest_cure(refusal)}",
         )
     if order == "simultaneous":
@@ -106,7 +106,7 @@ def _plan_in_order(
     if done.number is not None:
         return stages.build_plan(KIND, goal, done.actions, done.start)
     done = replace(done, gave_up=done.gave_up or len(detours) > MOST)
-    status = GAVE_UP if done.gave_up else "no_dextrous_plan"
+    status = Status.BUDGET_EXHAUSTED if done.gave_up else Status.NO_DEXTROUS_PLAN
     return stages.refuse(KIND, goal, status, f"{stages.explain_end(done)}, or try another goal.order")
 
 
@@ -137,7 +137,7 @@ def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Cal
     solved = [overlap_travel(stages.hand, plan) for plan in plans if plan.is_solved]
     if not solved:
         # Where one of them gave up there may be a way after all.
-        return next((plan for plan in plans if plan.status == GAVE_UP), plans[0])
+        return next((plan for plan in plans if plan.status is Status.BUDGET_EXHAUSTED), plans[0])
 
     def rank(plan: Plan) -> tuple[bool, float]:
         counted = plan.statistics

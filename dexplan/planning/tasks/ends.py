@@ -14,6 +14,7 @@ import numpy as np
 
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.plan import Action, Plan
+from dexplan.plan.status import Status
 from dexplan.planning.actions.joining import Contacts, follow_actions, without_holds
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -134,7 +135,7 @@ class Ends:
                 for plan in islice(plans, MOST):
                     self.opened = before + int(plan.statistics.get("nodes", 0))
                     if not plan.is_solved:
-                        if plan.status == "budget_exhausted":
+                        if plan.status is Status.BUDGET_EXHAUSTED:
                             self.why = f"no gait was found that brings the object there, within {nodes} nodes"
                         else:
                             # What was searched to the end, or refused, will not do with more nodes either.

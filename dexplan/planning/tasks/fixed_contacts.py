@@ -13,6 +13,7 @@ import numpy as np
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.motion import ObjectMotion
 from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
+from dexplan.plan.status import Status
 from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import (
@@ -27,8 +28,6 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
 from dexplan.spatial import Array, read_only
 
-LIMIT_REACHED = "limit_reached"
-"""Status of a plan that goes as far as the grasp can, and not to the goal."""
 CURE = 'allow "substitution" or "rewind" in gait.primitives'
 LOOK_AHEAD = 2.0 * np.pi
 """How far a turn is followed beyond the goal to find its limit [rad]."""
@@ -99,7 +98,7 @@ def _name_limit(
 def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_budget: int) -> Plan:
     """Return the plan that takes the object towards ``goal`` with its first grasp alone.
 
-    Status "solved" where it gets there.  Else "limit_reached": the actions go as far as the grasp can, and the reason says how
+    ``SOLVED`` where it gets there.  Else ``LIMIT_REACHED``: the actions go as far as the grasp can, and the reason says how
     far that is and what ends it.  ``statistics["reach_deg"]`` is how far this grasp can turn the object about the goal's axis.
     Starts that do not hold are refused as in :func:`plan_rotation`.
     """
@@ -121,7 +120,7 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
     fine = max(len(motion.poses()), int(np.ceil(abs(goal.angle) / FINE)) + 1)
     reach = compute_fixed_reach(hand, admissibility, contacts, motion, fine)
     if reach.count < 1:
-        return replace(plan, status="start_inadmissible", reason=reach.limit, actions=())
+        return replace(plan, status=Status.START_INADMISSIBLE, reason=reach.limit, actions=())
     is_there = reach.count == len(reach.poses)
     done = motion if is_there else motion.part(0.0, (reach.count - 1) / (len(reach.poses) - 1))
     limit, limiting, further = reach.limit, reach.limiting_finger, 0.0
@@ -140,7 +139,7 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
     reason = f"with fixed contacts the object goes {_spell(goal, share)}, until {limit}; ask for no more than that, or {CURE}"
     return replace(
         plan,
-        status=LIMIT_REACHED,
+        status=Status.LIMIT_REACHED,
         reason=reason,
         start_contacts=contacts,
         actions=actions,

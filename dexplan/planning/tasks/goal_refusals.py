@@ -10,6 +10,7 @@ import numpy as np
 from dexplan.errors import spell_apart
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
+from dexplan.plan.status import Status
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max, describe_separation
 from dexplan.spatial import Array, build_frame
@@ -20,8 +21,8 @@ OF_ONE_FINGER = re.compile(r"(\w+)/\w+ and \1/\w+ (come within|too near)")
 """A refusal because a finger meets itself."""
 
 
-def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> tuple[str, str]:
-    """Return the status and the reason that refuse the goal contacts wherever the object is; "" and "" where nothing does.
+def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> tuple[Status, str] | None:
+    """Return the status and the reason that refuse the goal contacts wherever the object is; None where nothing does.
 
     These are questions of the object and the fingertips alone: where contacts are allowed, whether tips overlap, and force
     closure with the believed friction.
@@ -30,7 +31,7 @@ def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> tuple[str, str]
     wanted = [(f, n) for f, n in enumerate(goal) if n is not None]
     for f, n in wanted:
         if not hand.object.allows(n[None])[0]:
-            return "goal_not_allowed", (
+            return Status.GOAL_NOT_ALLOWED, (
                 f"the goal contact of {names[f]} lies outside object.allowed_regions; move it inside, or widen a region"
             )
     for (f, n), (g, m) in combinations(wanted, 2):
@@ -38,17 +39,17 @@ def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> tuple[str, str]
         between = np.linalg.norm(surface.radial(n) + tips[0] * n - surface.radial(m) - tips[1] * m)
         if (gap := between - sum(tips)) < hand.limits.clearance:
             left, kept = spell_apart(1e3 * float(gap), 1e3 * hand.limits.clearance)
-            return "goal_grasp_inadmissible", (
+            return Status.GOAL_GRASP_INADMISSIBLE, (
                 f"the tips of {names[f]} and {names[g]} would come within {left} mm at their goal contacts, and "
                 f"{kept} mm have to be left; move the two contacts apart"
             )
     grasp = Grasp(tuple(Contact(f, surface.radial(n), build_frame(-n), hand.friction) for f, n in wanted))
     if not check_force_closure(grasp).is_closed:
-        return "goal_grasp_inadmissible", (
+        return Status.GOAL_GRASP_INADMISSIBLE, (
             "the goal contacts are not force closed with the believed friction; move two of them nearer to opposite, raise "
             "the friction, or lower friction.safety"
         )
-    return "", ""
+    return None
 
 
 def suggest_cure(refusal: str) -> str:

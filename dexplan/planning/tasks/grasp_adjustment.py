@@ -16,13 +16,14 @@ import numpy as np
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.motion import ObjectMotion, rest_at
 from dexplan.plan.plan import Plan
+from dexplan.plan.status import Status
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
 from dexplan.planning.actions.joining import Contacts
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.tasks.object_manipulation import FIRST, Start
-from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Outcome, scale_work
+from dexplan.planning.tasks.passes import PASSES, Outcome, scale_work
 from dexplan.planning.tasks.reorient import Turns
 from dexplan.planning.tasks.stages import Stages
 from dexplan.spatial import VERTICAL, Array
@@ -54,11 +55,10 @@ def plan_grasp_adjustment(
     """
     stages = Stages(hand, X_WO, start, goal, node_budget, primitives, improvement)
     stay = RotationGoal(X_WO, VERTICAL, 0.0)
-    if stages.start_refusal:
+    if stages.is_start_refused:
         return stages.refuse(KIND, stay, stages.hold.status, stages.hold.reason)
-    status, reason = refuse_goal_contacts(hand, goal)
-    if status:
-        return stages.refuse(KIND, stay, status, reason)
+    if refused := refuse_goal_contacts(hand, goal):
+        return stages.refuse(KIND, stay, *refused)
     contacts, missing = stages.land_goal(X_WO)
     refusal = "" if missing else stages.refuse_goal(X_WO, contacts)
     staying: Outcome | None = None
@@ -71,14 +71,14 @@ def plan_grasp_adjustment(
             return stages.refuse(
                 KIND,
                 stay,
-                "goal_contacts_unreachable",
+                Status.GOAL_CONTACTS_UNREACHABLE,
                 f"{missing} cannot reach the goal contact with the object where it is, and goal.keep_object wants it there; "
                 "move the contact towards the finger, or set goal.keep_object = false",
             )
         return stages.refuse(
             KIND,
             stay,
-            "goal_grasp_inadmissible",
+            Status.GOAL_GRASP_INADMISSIBLE,
             f"the goal contacts cannot hold the object where it is ({refusal}), and goal.keep_object wants it there; "
             f"{suggest_cure(refusal)}, or set goal.keep_object = false",
         )
@@ -104,19 +104,19 @@ def plan_grasp_adjustment(
         tried = _describe_tried(done.tried, len(chosen), is_more)
         # What stopped it where the object is says more than what did elsewhere.
         done = replace(staying or done, gave_up=gave_up, ran_out=done.ran_out or is_more)
-        status = GAVE_UP if gave_up else "no_adjustment"
+        status = Status.BUDGET_EXHAUSTED if gave_up else Status.NO_ADJUSTMENT
         return stages.refuse(KIND, stay, status, stages.explain_end(done, tried) + keep)
     if staying is not None:
         nowhere = ": there is no other attitude in which the goal contacts lie within reach and hold" + (
             ", and from which they carry the object back" if keep_object else ""
         )
-        status = GAVE_UP if staying.gave_up else "no_adjustment"
+        status = Status.BUDGET_EXHAUSTED if staying.gave_up else Status.NO_ADJUSTMENT
         return stages.refuse(KIND, stay, status, stages.explain_end(staying) + keep + nowhere)
     if turns.fault:
         return stages.refuse(
             KIND,
             stay,
-            "goal_grasp_inadmissible",
+            Status.GOAL_GRASP_INADMISSIBLE,
             f"the goal contacts cannot hold the object in any of {turns.refused} attitudes that bring them within reach "
             f"({turns.fault}); {suggest_cure(turns.fault)}",
         )
@@ -124,7 +124,7 @@ def plan_grasp_adjustment(
     return stages.refuse(
         KIND,
         stay,
-        "goal_contacts_unreachable",
+        Status.GOAL_CONTACTS_UNREACHABLE,
         f"in no attitude of the object can {alone} reach the goal contact; move the object's home nearer to the hand"
         if alone
         else "every finger reaches its goal contact in some attitude of the object, but in none do all of them at once; keep the "

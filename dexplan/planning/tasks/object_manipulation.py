@@ -8,15 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import solve_standing
 from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import SOLVED, Action, Placement, Plan
+from dexplan.plan.plan import Action, Placement, Plan
+from dexplan.plan.status import Status
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.conditions import Condition
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.gait.escape import MOST_PLACES_COUNTED, count_room, find_escapes
@@ -27,6 +26,7 @@ from dexplan.planning.gait.search import CURE, GaitSearch, Node
 from dexplan.planning.gait.start_pairs import explain_unreachable
 from dexplan.planning.tasks.blocked import StartContact, explain_start_contact, may_hold_at
 from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
+from dexplan.planning.tasks.start_refusals import explain_no_start_pair, refuse_start_grasp
 
 Start = tuple[StartContact | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
@@ -41,8 +41,6 @@ SPENT = 0.1
 """What every node opened on a route takes from its promise, in placements."""
 BUDGET_OFF_THE_GRID = 24
 """Nodes that may be opened although no pair of contacts of a grid holds the object at its goal."""
-START_CLOSURE = float(np.radians(1.0))
-"""Angle that a pair to start from keeps to the border of the believed friction cones [rad]; pairs that are chosen keep more."""
 FIRST = Improvement()
 """The first plan is good enough."""
 
@@ -50,7 +48,7 @@ FIRST = Improvement()
 def refuse(
     hand: HandModel,
     goal: RotationGoal,
-    status: str,
+    status: Status,
     reason: str,
     contacts: tuple[Placement | None, ...] | None = None,
 ) -> Plan:
@@ -62,7 +60,7 @@ def refuse(
 def _answer(
     hand: HandModel,
     goal: RotationGoal,
-    status: str,
+    status: Status,
     reason: str,
     contacts: tuple[Placement | None, ...],
     actions: tuple[Action, ...],
@@ -190,7 +188,7 @@ class _Planning:
         """Begin with the first route, or return the refusal of goal or start."""
         if refusal := self._check_goal():
             if not may_hold_at(self.hand, self.goal, self.start):
-                return self._refuse("goal_unreachable", refusal)
+                return self._refuse(Status.GOAL_UNREACHABLE, refusal)
             # The grid of contacts that this was asked of is fine, not endless: the start grasp may be what holds there.
             self.refusal = refusal
             self.node_budget = min(self.node_budget, BUDGET_OFF_THE_GRID)
@@ -214,13 +212,13 @@ class _Planning:
         first = self.searches[0]
         table = first.tables[0]
         if self.refusal:
-            return self._refuse("goal_unreachable", self.refusal)
+            return self._refuse(Status.GOAL_UNREACHABLE, self.refusal)
         if self.is_complete:
             if self.start is not None and not table.has_pair(self._find_held(table)):
-                return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
-            return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first)}")
+                return self._refuse(Status.NO_ADMISSIBLE_PAIR, explain_no_start_pair(table, ""))
+            return self._refuse(Status.NO_GAIT, f"{first.reason}; {self._suggest_cure(first)}")
         return self._refuse(
-            "budget_exhausted",
+            Status.BUDGET_EXHAUSTED,
             f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget",
         )
 
@@ -233,7 +231,7 @@ class _Planning:
             cures.append(CURE)
         return f"what may help: {', or '.join(cures)}"
 
-    def _refuse(self, status: str, reason: str) -> Plan:
+    def _refuse(self, status: Status, reason: str) -> Plan:
         return _answer(self.hand, self.goal, status, reason, self.contacts, (), self.statistics)
 
     def _build(self, search: GaitSearch, node: Node) -> Plan:
@@ -242,7 +240,7 @@ class _Planning:
         for placement in steps[0].contacts:
             first[placement.finger] = placement
         actions = build_actions(steps, tuple(first), self.goal.axis_W)
-        return _answer(self.hand, self.goal, SOLVED, "", tuple(first), actions, self.statistics)
+        return _answer(self.hand, self.goal, Status.SOLVED, "", tuple(first), actions, self.statistics)
 
     # -- goal and routes -------------------------------------------------------------------------------------------------
 
@@ -340,7 +338,7 @@ class _Planning:
                 return self._refuse(*explain_start_contact(self.hand, self.goal.X_WO_start, finger, given))
             if not table.allows(table.normal(contact), 0):
                 return self._refuse(
-                    "start_not_allowed",
+                    Status.START_NOT_ALLOWED,
                     f"the start contact of {self.hand.fingers[finger].name} lies outside object.allowed_regions; move it inside, "
                     'or set start.contacts_deg = "auto"',
                 )
@@ -349,52 +347,23 @@ class _Planning:
         for h in held:
             placed[h.finger] = table.placement(h, 0)
         self.contacts = tuple(placed)
-        margins = search.judge_start(tuple(held))
-        refusal = margins.refusal
-        if margins.unmet is Condition.STANDING:
-            return self._refuse(
-                "blocked", f"{refusal} at the start; {margins.unmet}, or choose other start contacts"
-            )
-        spare = compute_pair_angle_max(self.hand.friction) - table.pair_angle(tuple(held))
-        if not refusal and len(held) == 2 and spare < START_CLOSURE:
-            refusal = "they are force closed with {} deg to spare, {} are kept".format(
-                *spell_apart(np.degrees(spare), np.degrees(START_CLOSURE))
-            )
-        if refusal and (len(held) < 3 or table.has_pair(tuple(held))):
-            # Two contacts have to hold alone; of three that do not, rolling may make two that do.
-            apart, cure = "", f"move them nearer to opposite, or {CURE}"
-            if not table.has_pair(tuple(held)):
-                apart = f", and two contacts alone have to be {table.needed_angle()}"
-            elif margins.unmet not in (None, Condition.FRICTION):
-                cure = f"choose other start contacts; what may help: {margins.unmet}"
-            return self._refuse(
-                "start_inadmissible", f"the start contacts do not hold the object: {refusal}{apart}; {cure}"
-            )
-        if refusal:
-            return self._refuse("no_admissible_pair", self._explain_pair(table, refusal))
+        if refused := refuse_start_grasp(table, tuple(held), search.judge_start(tuple(held))):
+            return self._refuse(*refused)
         search.begin(tuple(held))
         return None
 
     def _begin_off_the_orbits(self, search: GaitSearch) -> Plan | None:
         """Begin with a pair of a finer grid where none of the orbits' holds, or return the refusal that says why none does."""
         if why := explain_unreachable(search.tables[0]):
-            return self._refuse("start_unreachable", why)
+            return self._refuse(Status.START_UNREACHABLE, why)
         survey = PairSurvey(self.hand, self.goal.X_WO_start, self._admissibility)
         found = survey.find_pair()
         if found is None:
             return self._refuse(
-                "no_force_closure_pair", f"no two fingers can hold the object: {survey.explain()}"
+                Status.NO_FORCE_CLOSURE_PAIR, f"no two fingers can hold the object: {survey.explain()}"
             )
         i, j, v, w = found
         held = [search.tables[0].start_along(f, survey.get_normal(k)) for f, k in ((i, v), (j, w))]
         if all(held):
             search.begin(tuple(h for h in held if h is not None))
         return None
-
-    def _explain_pair(self, table: ContactTable, refusal: str) -> str:
-        known = f" ({refusal})" if refusal else ""
-        return (
-            f"no two of the start contacts are {table.needed_angle()}, so no finger can be lifted, and the goal lies beyond "
-            f"what this grasp can do alone{known}; the plan would have to begin with rolling; "
-            f"move two contacts apart, or {CURE}"
-        )

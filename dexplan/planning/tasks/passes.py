@@ -12,8 +12,6 @@ from dexplan.plan.motion import ObjectMotion
 from dexplan.plan.plan import Action
 from dexplan.planning.actions.joining import Contacts
 
-GAVE_UP = "budget_exhausted"
-"""Status of a plan where the search stopped with ways left: nobody knows whether one of them leads to the goal."""
 USUAL_BUDGET = 2_000
 """The default of ``gait.node_budget``, for which limits on work in tasks with goal contacts are meant; more multiplies them."""
 REST_ANGLES = tuple(np.radians((0.0, 40.0, 80.0)).tolist())

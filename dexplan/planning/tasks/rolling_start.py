@@ -14,6 +14,7 @@ from typing import Literal
 
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.plan import Action, Plan
+from dexplan.plan.status import Status
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -29,7 +30,7 @@ PAIR_OPTIONS = 4
 """Ways to roll a pair that are tried."""
 LIFTS = 2
 """Pairs of three fingers that hold alone, and are rolled after the third was lifted."""
-STUCK = ("no_admissible_pair", "no_gait", "budget_exhausted")
+STUCK = (Status.NO_ADMISSIBLE_PAIR, Status.NO_GAIT, Status.BUDGET_EXHAUSTED)
 """Answers after which rolling may help."""
 
 
@@ -63,8 +64,10 @@ def plan_object_manipulation(
     if not refused and not is_cut:
         return replace(plan, reason=f"{plan.reason}; {beginnings.explain()}")
     # Where a search was cut short there may be a gait after all: its words go first, and its status is the plan's.
-    telling = next((r for r in refused if r.status == "budget_exhausted"), refused[0] if refused else plan)
-    status = "budget_exhausted" if is_cut or telling.status == "budget_exhausted" else plan.status
+    telling = next(
+        (r for r in refused if r.status is Status.BUDGET_EXHAUSTED), refused[0] if refused else plan
+    )
+    status = Status.BUDGET_EXHAUSTED if is_cut or telling.status is Status.BUDGET_EXHAUSTED else plan.status
     tried = f"{len(refused)} ways tried" if len(refused) > 1 else "one way tried"
     found = (
         f"after rolling ({tried}): {telling.status}: {telling.reason}" if refused else "rolling comes first"
@@ -138,7 +141,7 @@ class _FromThree(_Beginnings):
     def _build_actions(self, option: RollPlan) -> tuple[Action, ...]:
         """Return the roll and the lift; nothing rolls where a pair holds alone as it stands and lifting is all that helps."""
         roll, lift = build_roll_actions(option, self.hand, self.goal.X_WO_start, self.goal.axis_W)
-        if self.plan.status != "no_admissible_pair":
+        if self.plan.status is not Status.NO_ADMISSIBLE_PAIR:
             roll = replace(
                 roll, why="no gait was found from the start contacts; rolled, they make a grasp with one"
             )

@@ -14,7 +14,8 @@ import numpy as np
 
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import SOLVED, Action, GoalContact, Placement, Plan
+from dexplan.plan.plan import Action, GoalContact, Placement, Plan
+from dexplan.plan.status import Status
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
 from dexplan.planning.actions.joining import Contacts, build_move_actions, enclose, follow_actions
 from dexplan.planning.admissible.admissibility import Admissibility
@@ -100,9 +101,9 @@ class Stages:
         )
 
     @property
-    def start_refusal(self) -> str:
-        """The status that refuses the start contacts; "" where they hold."""
-        return "" if self.hold.is_solved or self.hold.status == "no_admissible_pair" else self.hold.status
+    def is_start_refused(self) -> bool:
+        """Whether the start contacts do not hold: then :attr:`hold` says why."""
+        return self.hold.status not in (Status.SOLVED, Status.NO_ADMISSIBLE_PAIR)
 
     def land_goal(self, X_WO: Array) -> tuple[Contacts, str]:
         """Return the goal contacts with the object at ``X_WO`` (4, 4), and which finger cannot reach its own ("" if all can)."""
@@ -373,9 +374,9 @@ class Stages:
     def build_plan(self, kind: str, goal: RotationGoal, actions: tuple[Action, ...], start: Contacts) -> Plan:
         """Return the plan made of ``actions``."""
         whole = enclose(actions, start, self.X_WO, goal.axis_W)
-        return replace(self.refuse(kind, goal, SOLVED, ""), start_contacts=start, actions=whole)
+        return replace(self.refuse(kind, goal, Status.SOLVED, ""), start_contacts=start, actions=whole)
 
-    def refuse(self, kind: str, goal: RotationGoal, status: str, reason: str) -> Plan:
+    def refuse(self, kind: str, goal: RotationGoal, status: Status, reason: str) -> Plan:
         """Return the plan that says why there is none."""
         return replace(
             self.hold,
