@@ -17,6 +17,7 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.plan.poses import read_pose, write_pose
+from dexplan.plan.refusal import Refusal
 from dexplan.plan.roll import Roll
 from dexplan.plan.speed import PlannedSpeed
 from dexplan.plan.status import Status
@@ -149,6 +150,8 @@ class Plan:
     normal_floor: float = 4.0
     normal_ceiling: float = 12.0
     speed: PlannedSpeed | None = None
+    refusal: Refusal | None = None
+    """What stood in the way, as a value; None where the goal is reached."""
 
     __repr__ = brief_repr
 
@@ -173,6 +176,7 @@ class Plan:
             "format": FORMAT,
             "status": self.status,
             "reason": self.reason,
+            **({} if self.refusal is None else {"refusal": self.refusal.as_dict()}),
             "fingers": list(self.fingers),
             "normal_force_N": self.normal_force,
             "normal_floor_N": self.normal_floor,
@@ -323,6 +327,8 @@ class Plan:
             normal_ceiling=float(data.get("normal_ceiling_N", 12.0)),
             speed=None if data.get("speed") is None else PlannedSpeed.from_dict(data["speed"]),
             statistics=data["statistics"],
+            # Older files, and plans that reach their goal, have none.
+            refusal=None if data.get("refusal") is None else Refusal.from_dict(data["refusal"]),
             goal_contacts=None
             if wanted is None
             else tuple(

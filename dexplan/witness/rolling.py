@@ -128,11 +128,11 @@ class Stand:
                 ways[leg.finger] = q
                 _, refusal = judge_ways(self.hand, judge, self.plan.X_WO_start, ways)
             if refusal:
-                return None, refusal
+                return None, str(refusal)
             contacts[leg.finger] = end_placement(leg, before, q[-1])
             actions.append(_build_action(first, tuple(contacts), leg))
         if refusal := refuse_rotation(self.hand, actions):
-            return None, refusal
+            return None, str(refusal)
         actions.append(replace(last, contacts_end=tuple(contacts)))
         return replace(self.plan, actions=tuple(actions), status=Status.SOLVED), ""
 

@@ -51,7 +51,7 @@ def build_three_to_two(problem: Problem, *, is_early: bool = False) -> tuple[Pla
     rolling = RollToPair(hand, X_WO, plan.start_contacts, Admissibility(hand))
     found = next(rolling.options(), None)
     if found is None:
-        return None, rolling.explain()
+        return None, "; ".join(map(str, rolling.explain()))
     still = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": UP, "angle": 0.0}
     hold = build_hold(list(plan.start_contacts), still, "let the grasp settle")
     roll, lift = build_roll_actions(found, hand, X_WO, UP)

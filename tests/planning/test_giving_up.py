@@ -8,6 +8,7 @@ import pytest
 from dexplan import pipeline
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.plan import Plan
+from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks import dextrous_manipulation as dextrous
@@ -106,7 +107,7 @@ def test_every_way_is_begun_before_any_gets_more(hard: Asked, monkeypatch: pytes
         assert isinstance(part, passes.Pass)
         asked.append((motions.index(before), PASSES.index(part)))
         self.work += 1
-        return Outcome(why="not yet", stop=Stop.GAIT, gave_up=True)
+        return Outcome(why=Refusal(RefusalKind.WORK_USED_UP), stop=Stop.GAIT, gave_up=True)
 
     monkeypatch.setattr(Stages, "run", run)
     stages = Stages(hard.hand, hard.X_WO, hard.start, hard.goal, USUAL, ("substitution",))
@@ -127,7 +128,7 @@ def test_attitudes_between_those_of_the_grid_are_found() -> None:
     X_WO = adjustment.ObjectMotion(asked.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
     contacts, missing = stages.land_goal(X_WO)
     assert not missing
-    assert stages.refuse_goal(X_WO, contacts) == ""
+    assert stages.refuse_goal(X_WO, contacts) is None
 
 
 def test_ends_go_on_where_they_stopped(hard: Asked) -> None:

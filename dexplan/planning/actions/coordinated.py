@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from dexplan.plan.motion import ObjectMotion
 from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plan.refusal import Refusal
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states, worst
 from dexplan.planning.admissible.carry import follow_object, judge_carry, spin_tip
 from dexplan.planning.admissible.hand import HandModel
@@ -30,7 +31,7 @@ def plan_coordinated(
     contacts: tuple[Placement | None, ...],
     motion: ObjectMotion,
     why: str,
-) -> tuple[Action | None, str]:
+) -> tuple[Action | None, Refusal | None]:
     """Return the action that carries the object through ``motion`` with all ``contacts`` fixed, or why that is not possible."""
     poses = motion.poses()
     ways = {}
@@ -57,4 +58,4 @@ def plan_coordinated(
         why=why,
         margins=worst(rows),
     )
-    return action, ""
+    return action, None

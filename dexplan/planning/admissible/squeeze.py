@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dexplan.contact.friction import SoftFinger
+from dexplan.plan.refusal import Cure, Refusal, RefusalKind
 from dexplan.spatial import GRAVITY
 
 NORMAL_FORCE = 5.5
@@ -52,7 +53,7 @@ class Squeeze:
     normal: float
     floor: float
     ceiling: float
-    refusal: str = ""
+    refusal: Refusal | None = None
 
     @property
     def friction_share(self) -> float:
@@ -75,12 +76,16 @@ def choose_squeeze(mass: float, friction: SoftFinger, bearable: float, greatest:
         (mass * GRAVITY + landing) / (2.0 * CONE_SHARE * friction.sliding),
         FOLLOWING_TORQUE / (LEFT_FOR_TORSION * friction.torsional),
     )
-    refusal = ""
+    refusal = None
     if normal < min(needed, NORMAL_FORCE):
-        refusal = (
+        words = (
             f"an object of {1e3 * mass:.3g} g is too light for this hand: squeezed with more than {normal:.3g} N its contacts "
             f"are deeper than {1e6 * DEPTH:.0f} um in the simulator, and to carry it, and to exchange fingers, takes "
-            f"{needed:.3g} N; use a heavier object (object.mass_kg) or more friction (friction.sliding, friction.torsional_m)"
+            f"{needed:.3g} N"
         )
+        cure = Cure(
+            "use a heavier object (object.mass_kg) or more friction (friction.sliding, friction.torsional_m)"
+        )
+        refusal = Refusal(RefusalKind.TOO_LIGHT, (), normal, needed, cure, words=words)
     ceiling = max(normal, min(CEILING, greatest))
     return Squeeze(normal, min(FLOOR_SHARE * normal, FLOOR_OF_CEILING * ceiling), ceiling, refusal)

@@ -11,6 +11,7 @@ from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.kinematics.workspace import spread_directions
 from dexplan.plan.plan import Placement
+from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,
@@ -176,7 +177,7 @@ class StillContacts:
                 states, self.postures(stand), self.X_WO, explain=False
             )
             if row.is_admissible and not self._keeps_order(stand):
-                row = replace(row, refusal="the fingers would change their order")
+                row = replace(row, refusal=Refusal(RefusalKind.ORDER))
             self._margins[stand] = row
         return self._margins[stand]
 

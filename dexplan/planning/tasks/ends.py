@@ -14,6 +14,7 @@ import numpy as np
 
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.plan import Action, Plan
+from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.plan.status import Status
 from dexplan.planning.actions.joining import Contacts, follow_actions, without_holds
 from dexplan.planning.admissible.admissibility import Admissibility
@@ -86,7 +87,7 @@ class Ends:
     node_budget: int
     primitives: tuple[Literal["substitution", "rewind"], ...]
     opened: int = 0
-    why: str = ""
+    why: Refusal | None = None
     found: list[End] = field(default_factory=list)
     is_over: bool = False
     is_cut: bool = False
@@ -136,13 +137,11 @@ class Ends:
                     self.opened = before + int(plan.statistics.get("nodes", 0))
                     if not plan.is_solved:
                         if plan.status is Status.BUDGET_EXHAUSTED:
-                            self.why = f"no gait was found that brings the object there, within {nodes} nodes"
+                            self.why = Refusal(RefusalKind.GAIT_CUT_SHORT, measured=nodes)
                         else:
                             # What was searched to the end, or refused, will not do with more nodes either.
                             closed.append(beginning)
-                            self.why = self.why or (
-                                f"the object cannot be brought there ({plan.status}: {plan.reason})"
-                            )
+                            self.why = self.why or _refuse_gait(plan)
                         break
                     actions = (*beginning.actions, *without_holds(plan.actions))
                     first = self.contacts if beginning.actions else plan.start_contacts
@@ -153,6 +152,13 @@ class Ends:
                         self.beginnings.insert(0, beginning)
                         yield End(actions, first, follow_actions(self.hand, first, actions))
         self.is_cut = len(closed) < len(self.beginnings)
+
+
+def _refuse_gait(plan: Plan) -> Refusal:
+    """Return the refusal because gaits come to the answer ``plan``, which is a no."""
+    because = () if plan.refusal is None else (plan.refusal,)
+    words = f"the object cannot be brought there ({plan.status}: {plan.reason})"
+    return Refusal(RefusalKind.NOT_BROUGHT, because=because, words=words)
 
 
 def _are_different(a: Contacts, b: Contacts) -> bool:

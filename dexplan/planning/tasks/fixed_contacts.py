@@ -13,6 +13,7 @@ import numpy as np
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.motion import ObjectMotion
 from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
+from dexplan.plan.refusal import Cure, Refusal, RefusalKind
 from dexplan.plan.status import Status
 from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.gaits import build_hold
@@ -40,14 +41,14 @@ class FixedReach:
     """How far one grasp takes the object: the admissible part of a motion, and what ends it.
 
     ``count`` samples of ``poses`` (K, 4, 4) are admissible, ``rows`` are their margins, ``ways`` the postures (L, J) per finger.
-    ``limit`` is "" where the motion can be done to its end.
+    ``limit`` is None where the motion can be done to its end.
     """
 
     poses: Array
     count: int
     rows: list[Margins]
     ways: dict[int, Array]
-    limit: str
+    limit: Refusal | None
     limiting_finger: int | None
 
     def __post_init__(self) -> None:
@@ -65,7 +66,8 @@ def compute_fixed_reach(
     """Return how far ``contacts``, none of which moves on the object, take it along ``motion`` (``count``: samples of it)."""
     poses = motion.poses(count)
     ways: dict[int, Array] = {}
-    limit, finger, last = "", None, len(poses)
+    finger, last = None, len(poses)
+    limit: Refusal | None = None
     for c in contacts:
         if c is None:
             continue
@@ -80,18 +82,21 @@ def compute_fixed_reach(
 
 
 def _name_limit(
-    hand: HandModel, states: dict[int, list[FingerState]], k: int, refusal: str
-) -> tuple[str, int | None]:
+    hand: HandModel, states: dict[int, list[FingerState]], k: int, refusal: Refusal
+) -> tuple[Refusal, int | None]:
     """Return what ends a motion at sample ``k``, and the finger whose limit it is; None where no single finger's."""
     tight = min(states, key=lambda f: states[f][k].joint)
     state, name = states[tight][k], hand.fingers[tight].name
     if state.joint < hand.limits.joint_margin:
         chain = hand.fingers[tight].chain
         joint = int(np.argmin(np.minimum(state.q - chain.lower, chain.upper - state.q)))
-        return f"{name} comes to a limit of its joint {joint + 1}", tight
+        words = f"{name} comes to a limit of its joint {joint + 1}"
+        return Refusal(
+            RefusalKind.JOINT_LIMIT, (name,), state.joint, hand.limits.joint_margin, words=words
+        ), tight
     stiff = min(states, key=lambda f: states[f][k].dexterity)
     if states[stiff][k].dexterity < hand.limits.dexterity:
-        return f"{hand.fingers[stiff].name} comes near a singular posture", stiff
+        return Refusal(RefusalKind.SINGULAR, (hand.fingers[stiff].name,)), stiff
     return refusal, None
 
 
@@ -120,7 +125,9 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
     fine = max(len(motion.poses()), int(np.ceil(abs(goal.angle) / FINE)) + 1)
     reach = compute_fixed_reach(hand, admissibility, contacts, motion, fine)
     if reach.count < 1:
-        return replace(plan, status=Status.START_INADMISSIBLE, reason=reach.limit, actions=())
+        return replace(
+            plan, status=Status.START_INADMISSIBLE, reason=str(reach.limit), refusal=reach.limit, actions=()
+        )
     is_there = reach.count == len(reach.poses)
     done = motion if is_there else motion.part(0.0, (reach.count - 1) / (len(reach.poses) - 1))
     limit, limiting, further = reach.limit, reach.limiting_finger, 0.0
@@ -141,6 +148,7 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
         plan,
         status=Status.LIMIT_REACHED,
         reason=reason,
+        refusal=None if limit is None else replace(limit, cure=Cure(CURE)),
         start_contacts=contacts,
         actions=actions,
         statistics=statistics,
@@ -176,7 +184,7 @@ def _build_actions(
     reach: FixedReach,
     done: ObjectMotion,
     is_there: bool,
-    limit: str,
+    limit: Refusal | None,
     limiting: int | None,
     furthest: float,
 ) -> tuple[Action, ...]:
@@ -203,9 +211,9 @@ def _build_actions(
         angle=done.angle,
         contacts_end=after,
         phases=(PlannedPhase("move", tuple(MUST_NOT if c is None else MUST for c in contacts)),),
-        why="contacts stay fixed; until " + ("the goal" if is_there else limit),
+        why="contacts stay fixed; until " + ("the goal" if is_there else str(limit)),
         limiting_finger=None if is_there else limiting,
-        limit="the goal" if is_there else limit,
+        limit="the goal" if is_there else str(limit),
         margins=worst(reach.rows),
     )
     return (first, move, last)

@@ -11,6 +11,7 @@ import numpy as np
 from dexplan.kinematics.spherical_wrist import solve_standing
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.plan import Action, Placement, Plan
+from dexplan.plan.refusal import Cure, Refusal, RefusalKind
 from dexplan.plan.status import Status
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.admissibility import Admissibility
@@ -23,10 +24,11 @@ from dexplan.planning.gait.held import Held
 from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_detours, build_routes, list_swings
 from dexplan.planning.gait.search import CURE, GaitSearch, Node
-from dexplan.planning.gait.start_pairs import explain_unreachable
-from dexplan.planning.tasks.blocked import StartContact, explain_start_contact, may_hold_at
-from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
-from dexplan.planning.tasks.start_refusals import explain_no_start_pair, refuse_start_grasp
+from dexplan.planning.gait.start_pairs import refuse_unreachable
+from dexplan.planning.tasks.blocked import StartContact, may_hold_at, refuse_start_contact
+from dexplan.planning.tasks.no import No
+from dexplan.planning.tasks.pair_survey import PairSurvey, refuse_every_pair, spell_no_pair
+from dexplan.planning.tasks.start_refusals import refuse_lifting, refuse_start_grasp
 
 Start = tuple[StartContact | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
@@ -50,11 +52,11 @@ def refuse(
     goal: RotationGoal,
     status: Status,
     reason: str,
-    contacts: tuple[Placement | None, ...] | None = None,
+    refusal: Refusal | None = None,
 ) -> Plan:
     """Return the plan that says why there is none."""
     nothing: tuple[Placement | None, ...] = (None,) * len(hand.fingers)
-    return _answer(hand, goal, status, reason, contacts or nothing, (), {})
+    return replace(_answer(hand, goal, status, reason, nothing, (), {}), refusal=refusal)
 
 
 def _answer(
@@ -131,8 +133,8 @@ class _Planning:
     is_complete: bool = False
     """Whether every route was begun, and none of the searches has anything left to try."""
 
-    refusal: str = ""
-    """Why no pair of contacts of a grid holds the object at its goal."""
+    doubt: No | None = None
+    """The answer where no pair of contacts of a grid holds the object at its goal."""
 
     def __post_init__(self) -> None:
         self._admissibility = Admissibility(self.hand)
@@ -186,11 +188,11 @@ class _Planning:
 
     def _begin_all(self) -> Plan | None:
         """Begin with the first route, or return the refusal of goal or start."""
-        if refusal := self._check_goal():
+        if no := self._check_goal():
             if not may_hold_at(self.hand, self.goal, self.start):
-                return self._refuse(Status.GOAL_UNREACHABLE, refusal)
+                return self._refuse(no)
             # The grid of contacts that this was asked of is fine, not endless: the start grasp may be what holds there.
-            self.refusal = refusal
+            self.doubt = no
             self.node_budget = min(self.node_budget, BUDGET_OFF_THE_GRID)
         first = GaitSearch(self.hand, build_routes(self.goal)[0], self._admissibility, self.primitives)
         self.searches.append(first)
@@ -211,16 +213,16 @@ class _Planning:
         """Return the plan that says why no way was found."""
         first = self.searches[0]
         table = first.tables[0]
-        if self.refusal:
-            return self._refuse(Status.GOAL_UNREACHABLE, self.refusal)
+        if self.doubt:
+            return self._refuse(self.doubt)
         if self.is_complete:
             if self.start is not None and not table.has_pair(self._find_held(table)):
-                return self._refuse(Status.NO_ADMISSIBLE_PAIR, explain_no_start_pair(table, ""))
-            return self._refuse(Status.NO_GAIT, f"{first.reason}; {self._suggest_cure(first)}")
-        return self._refuse(
-            Status.BUDGET_EXHAUSTED,
-            f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget",
-        )
+                return self._refuse(refuse_lifting(table))
+            cure, refusal = self._suggest_cure(first), first.refusals[0]
+            reason = f"{first.reason}; what may help: {cure}"
+            return self._refuse(No(Status.NO_GAIT, reason, replace(refusal, cure=Cure(cure))))
+        reason = f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget"
+        return self._refuse(No(Status.BUDGET_EXHAUSTED, reason, first.refusals[0]))
 
     def _suggest_cure(self, search: GaitSearch) -> str:
         """Return what might help against the commonest reasons not to go on; none of it was tried."""
@@ -229,10 +231,11 @@ class _Planning:
             cures.insert(0, Condition.ALLOWED.value)
         if not cures or Condition.FRICTION in search.unmet:
             cures.append(CURE)
-        return f"what may help: {', or '.join(cures)}"
+        return ", or ".join(cures)
 
-    def _refuse(self, status: Status, reason: str) -> Plan:
-        return _answer(self.hand, self.goal, status, reason, self.contacts, (), self.statistics)
+    def _refuse(self, no: No) -> Plan:
+        plan = _answer(self.hand, self.goal, no.status, no.reason, self.contacts, (), self.statistics)
+        return replace(plan, refusal=no.refusal)
 
     def _build(self, search: GaitSearch, node: Node) -> Plan:
         steps = search.steps(node)
@@ -244,13 +247,17 @@ class _Planning:
 
     # -- goal and routes -------------------------------------------------------------------------------------------------
 
-    def _check_goal(self) -> str:
-        """Return why the object cannot be held at a shifted goal by any pair of fingers; "" if it can, or is not shifted."""
+    def _check_goal(self) -> No | None:
+        """Return why the object cannot be held at a shifted goal by any pair of fingers; None if it can, or is not shifted."""
         if not np.any(self.goal.shift_W):
-            return ""
-        why = explain_no_pair(self.hand, self.goal.X_WO_goal, self._admissibility)
+            return None
+        refusal = refuse_every_pair(self.hand, self.goal.X_WO_goal, self._admissibility)
+        if refusal is None:
+            return None
         where = "the goal, ({:.1f}, {:.1f}, {:.1f}) mm from its start".format(*(1e3 * self.goal.shift_W))
-        return why and f"no two fingers can hold the object at {where}: {why}; shorten goal.translation_m"
+        why = spell_no_pair(refusal)
+        reason = f"no two fingers can hold the object at {where}: {why}; shorten goal.translation_m"
+        return No(Status.GOAL_UNREACHABLE, reason, refusal)
 
     def _propose(self, table: ContactTable) -> Iterator[tuple[Leg, ...]]:
         """Yield all routes but the first: those of the goal, and those on which the pair first turns to where there is room.
@@ -335,33 +342,33 @@ class _Planning:
                 continue
             contact = self._contact(table, finger)
             if contact is None:
-                return self._refuse(*explain_start_contact(self.hand, self.goal.X_WO_start, finger, given))
+                return self._refuse(refuse_start_contact(self.hand, self.goal.X_WO_start, finger, given))
             if not table.allows(table.normal(contact), 0):
-                return self._refuse(
-                    Status.START_NOT_ALLOWED,
-                    f"the start contact of {self.hand.fingers[finger].name} lies outside object.allowed_regions; move it inside, "
-                    'or set start.contacts_deg = "auto"',
-                )
+                name = self.hand.fingers[finger].name
+                words = f"the start contact of {name} lies outside object.allowed_regions"
+                cure = Cure('move it inside, or set start.contacts_deg = "auto"')
+                refusal = Refusal(RefusalKind.NOT_ALLOWED, (name,), cure=cure, words=words)
+                return self._refuse(No(Status.START_NOT_ALLOWED, f"{words}; {cure}", refusal))
             held.append(contact)
         placed: list[Placement | None] = [None] * len(self.hand.fingers)
         for h in held:
             placed[h.finger] = table.placement(h, 0)
         self.contacts = tuple(placed)
         if refused := refuse_start_grasp(table, tuple(held), search.judge_start(tuple(held))):
-            return self._refuse(*refused)
+            return self._refuse(refused)
         search.begin(tuple(held))
         return None
 
     def _begin_off_the_orbits(self, search: GaitSearch) -> Plan | None:
         """Begin with a pair of a finer grid where none of the orbits' holds, or return the refusal that says why none does."""
-        if why := explain_unreachable(search.tables[0]):
-            return self._refuse(Status.START_UNREACHABLE, why)
+        if refusal := refuse_unreachable(search.tables[0]):
+            return self._refuse(No(Status.START_UNREACHABLE, f"{refusal}; {refusal.cure}", refusal))
         survey = PairSurvey(self.hand, self.goal.X_WO_start, self._admissibility)
         found = survey.find_pair()
         if found is None:
-            return self._refuse(
-                Status.NO_FORCE_CLOSURE_PAIR, f"no two fingers can hold the object: {survey.explain()}"
-            )
+            refusal = survey.explain()
+            reason = f"no two fingers can hold the object: {spell_no_pair(refusal)}"
+            return self._refuse(No(Status.NO_FORCE_CLOSURE_PAIR, reason, refusal))
         i, j, v, w = found
         held = [search.tables[0].start_along(f, survey.get_normal(k)) for f, k in ((i, v), (j, w))]
         if all(held):

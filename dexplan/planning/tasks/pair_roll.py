@@ -17,6 +17,7 @@ import numpy as np
 
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plan.refusal import Refusal, RefusalCount, RefusalKind
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
@@ -54,7 +55,7 @@ class PairRolls:
     goal: RotationGoal
     contacts: tuple[Placement | None, ...]
     admissibility: Admissibility
-    refusals: dict[str, int] = field(default_factory=dict)
+    refusals: RefusalCount = field(default_factory=RefusalCount)
 
     def options(self) -> Iterator[Rolled]:
         """Yield admissible rolls, what gives room and rolls little first; grasps that are much alike are offered once."""
@@ -65,15 +66,16 @@ class PairRolls:
                 continue
             rolled, refusal = self._roll(a, b, one)
             if rolled is None:
-                self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
+                if refusal is not None:
+                    self.refusals.add(refusal)
                 continue
             taken.append(one.normals_W)
             yield rolled
 
-    def explain(self) -> str:
-        """Return why there is none, the commonest reason first."""
-        common = sorted(self.refusals, key=lambda text: (-self.refusals[text], text))[:1]
-        return common[0] if common else "a third finger would find no room beside them either"
+    def explain(self) -> Refusal:
+        """Return the commonest reason why there is none."""
+        common = self.refusals.list_common(1)
+        return common[0] if common else Refusal(RefusalKind.NO_ROOM)
 
     @property
     def _pair(self) -> tuple[Placement, Placement]:
@@ -104,7 +106,7 @@ class PairRolls:
                 found.append(_Candidate(score, toward, angles, (normals[a.finger], normals[b.finger])))
         return found
 
-    def _roll(self, a: Placement, b: Placement, one: _Candidate) -> tuple[Rolled | None, str]:
+    def _roll(self, a: Placement, b: Placement, one: _Candidate) -> tuple[Rolled | None, Refusal | None]:
         """Return the roll with its margins, or why it cannot be done."""
         count = max(16, int(np.ceil(max(one.angles) / STEP)) + 1)
         ways, rolls, after = {}, [], list(self.contacts)
@@ -121,7 +123,7 @@ class PairRolls:
         rows, refusal = judge_ways(self.hand, self.admissibility, self.goal.X_WO_start, ways)
         if refusal:
             return None, refusal
-        return Rolled(tuple(rolls), tuple(after), worst(rows)), ""
+        return Rolled(tuple(rolls), tuple(after), worst(rows)), None
 
 
 def _advance(normal: Array, toward: Array, angle: float) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dexplan.plan.motion import ObjectMotion
 from dexplan.plan.plan import Action
+from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.actions.joining import Contacts
 
 USUAL_BUDGET = 2_000
@@ -70,7 +71,7 @@ class Outcome:
 
     actions: tuple[Action, ...] = ()
     start: Contacts = ()
-    why: str = ""
+    why: Refusal | None = None
     stop: Stop = Stop.SEARCH
     gave_up: bool = False
     number: int | None = None
@@ -80,12 +81,10 @@ class Outcome:
     @property
     def is_found(self) -> bool:
         """Whether the way comes to the goal."""
-        return not self.why
+        return self.why is None
 
 
-NOT_BEGUN = Outcome(
-    why="the work was used up before the search for the grasp began", stop=Stop.NOT_BEGUN, gave_up=True
-)
+NOT_BEGUN = Outcome(why=Refusal(RefusalKind.WORK_USED_UP), stop=Stop.NOT_BEGUN, gave_up=True)
 
 
 def choose_rests(motion: ObjectMotion) -> tuple[float, ...]:

@@ -12,6 +12,7 @@ from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.grasp.margin import solve_bounded_margin
 from dexplan.kinematics.workspace import spread_directions
 from dexplan.plan.motion import ObjectMotion
+from dexplan.plan.refusal import Refusal
 from dexplan.planning.actions.joining import Contacts
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.tasks.stages import Stages
@@ -62,7 +63,7 @@ class Turns:
 
     stages: Stages
     reachable: list[Turn] = field(init=False)
-    fault: str = ""
+    fault: Refusal | None = None
     refused: int = 0
 
     def __post_init__(self) -> None:

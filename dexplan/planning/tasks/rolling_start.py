@@ -136,7 +136,7 @@ class _FromThree(_Beginnings):
                 yield Beginning((*lift.actions, roll), turned.contacts)
 
     def explain(self) -> str:
-        return f"rolling cannot make one: {self._rolls.explain()}"
+        return f"rolling cannot make one: {'; '.join(map(str, self._rolls.explain()))}"
 
     def _build_actions(self, option: RollPlan) -> tuple[Action, ...]:
         """Return the roll and the lift; nothing rolls where a pair holds alone as it stands and lifting is all that helps."""

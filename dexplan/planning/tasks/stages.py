@@ -15,6 +15,7 @@ import numpy as np
 from dexplan.plan.goal import RotationGoal
 from dexplan.plan.motion import ObjectMotion
 from dexplan.plan.plan import Action, GoalContact, Placement, Plan
+from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.plan.status import Status
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
 from dexplan.planning.actions.joining import Contacts, build_move_actions, enclose, follow_actions
@@ -27,7 +28,8 @@ from dexplan.planning.regrasp.search import AdjustmentSearch
 from dexplan.planning.regrasp.still import StillContacts, build_landings
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.tasks.ends import BUDGETS, Beginning, End, Ends, choose_beginnings
-from dexplan.planning.tasks.goal_refusals import GoalContacts, explain_separation, suggest_cure
+from dexplan.planning.tasks.goal_refusals import GoalContacts
+from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import FIRST, Start, plan_rotation
 from dexplan.planning.tasks.passes import (
     NOT_BEGUN,
@@ -36,7 +38,6 @@ from dexplan.planning.tasks.passes import (
     Passes,
     Stop,
     choose_rests,
-    explain_giving_up,
     scale_work,
 )
 from dexplan.spatial import VERTICAL, Array
@@ -54,7 +55,9 @@ MORE_WORK = 120
 ENDS = 4
 """Ends of gaits from which an adjustment is tried."""
 
-_CANNOT_CARRY = "the goal grasp cannot carry the object to the goal: "
+
+def _stop_at_goal(why: Refusal) -> Outcome:
+    return Outcome(why=why, stop=Stop.GOAL_GRASP)
 
 
 @dataclass(eq=False)
@@ -88,7 +91,7 @@ class Stages:
     work: int = 0
     exhausted: int = 0
     hold: Plan = field(init=False)
-    _known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
+    _known_rolls: dict[bytes, tuple[list[RollPlan], Refusal | None]] = field(default_factory=dict)
     _sides: dict[bytes, GoalSide] = field(default_factory=dict)
     _gaits: dict[bytes, Ends] = field(default_factory=dict)
     _attempts: dict[bytes, _Attempt] = field(default_factory=dict)
@@ -124,27 +127,11 @@ class Stages:
         radial = self.hand.object.surface.radial
         return tuple(None if n is None else GoalContact(f, radial(n), n) for f, n in enumerate(self.goal))
 
-    def refuse_goal(self, X_WO: Array, contacts: Contacts) -> str:
-        """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); "" where it can."""
+    def refuse_goal(self, X_WO: Array, contacts: Contacts) -> Refusal | None:
+        """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); None where it can."""
         still = StillContacts(self.hand, X_WO, self.admissibility)
         stand = tuple(None if c is None else still.add(c) for c in contacts)
         return still.judge(stand).refusal
-
-    def explain_end(self, done: Outcome, tried: str = "") -> str:
-        """Return why ``done`` came to no goal, what was ``tried``, and what would help.
-
-        Where everything was tried from the start grasp, friction is what was short.  A search that gave up has shown nothing.
-        """
-        if done.gave_up:
-            return explain_giving_up(done, self.opened, tried, self.node_budget)
-        where = f" ({tried})" if tried else ""
-        why, cure = f"{done.why}{where}", suggest_cure(done.why)
-        if not self.exhausted:
-            return f"{why}; {cure}"
-        return (
-            f"{why}; every grasp that the start grasp leads to was tried, and {explain_separation(self.hand)}; "
-            f"raise the friction, lower friction.safety, choose another start grasp, or {cure}"
-        )
 
     def run(
         self,
@@ -168,21 +155,18 @@ class Stages:
         X_WO = after.X_WO_start
         goal, missing = self.land_goal(X_WO)
         if missing:
-            why = f"{missing} cannot reach the goal contact where the grasp would be adjusted"
-            return Outcome(why=why, stop=Stop.GOAL_GRASP)
+            return _stop_at_goal(Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, (missing,)))
         goal = tuple(None if c is None else center_spin(self.hand, c, after) for c in goal)
         if refusal := self.refuse_goal(X_WO, goal):
-            return Outcome(
-                why=f"the goal grasp does not hold where it would be made: {refusal}", stop=Stop.GOAL_GRASP
-            )
+            return _stop_at_goal(Refusal(RefusalKind.GOAL_GRASP_FAILS, because=(refusal,)))
         if not after.is_still:
             _, refusal = plan_coordinated(self.hand, self.admissibility, goal, after, "")
             if refusal:
-                return Outcome(why=_CANNOT_CARRY + refusal, stop=Stop.GOAL_GRASP)
+                return _stop_at_goal(Refusal(RefusalKind.CANNOT_CARRY_TO_GOAL, because=(refusal,)))
         side = self._approach(X_WO, goal)
         if side.refusal and not before.is_still:
             # Rolls are tried in a few steps only: that none of them did is no proof.
-            why = f"there is no way into the goal grasp where it would be made: {side.refusal}"
+            why = Refusal(RefusalKind.NO_WAY_IN, because=(side.refusal,))
             return Outcome(why=why, stop=Stop.ENTRY, gave_up=side.is_rolled)
         shares, refused = choose_rests(before), list[Outcome]()
         for k in range(len(shares)) if part is None else (part.rest,):
@@ -307,7 +291,8 @@ class Stages:
                 return Outcome((*end.actions, *moves, *last), end.start)
             attempt.is_over = end is None
             is_whole = attempt.is_over and found.is_exhausted and not begun[0].actions
-            why = f"no way from the grasp there to the goal grasp: {found.reason}"
+            assert found.refusal is not None
+            why = Refusal(RefusalKind.NO_ADJUSTMENT, because=(found.refusal,))
             # Other ends of gaits, and other rolls into the goal grasp, might lead there.
             attempt.refused = Outcome(why=why, gave_up=not is_whole or side.is_rolled)
             if is_whole and not side.refusal:
@@ -361,27 +346,32 @@ class Stages:
         """How gaits may begin."""
         return choose_beginnings(self.hand, self.hold, self.start, self.admissibility)
 
-    def _finish(self, contacts: Contacts, after: ObjectMotion) -> tuple[tuple[Action, ...], str]:
+    def _finish(self, contacts: Contacts, after: ObjectMotion) -> tuple[tuple[Action, ...], Refusal | None]:
         """Return the coordinated manipulation with the goal grasp as it was really made, or why it is not possible."""
         if after.is_still:
-            return (), ""
+            return (), None
         why = "coordinated manipulation with the goal grasp reaches the goal"
         action, refusal = plan_coordinated(self.hand, self.admissibility, contacts, after, why)
-        if action is None:
-            return (), _CANNOT_CARRY + refusal
-        return (action,), ""
+        if action is not None:
+            return (action,), None
+        return (), refusal and Refusal(RefusalKind.CANNOT_CARRY_TO_GOAL, because=(refusal,))
 
     def build_plan(self, kind: str, goal: RotationGoal, actions: tuple[Action, ...], start: Contacts) -> Plan:
         """Return the plan made of ``actions``."""
         whole = enclose(actions, start, self.X_WO, goal.axis_W)
-        return replace(self.refuse(kind, goal, Status.SOLVED, ""), start_contacts=start, actions=whole)
+        return replace(self.refuse(kind, goal, No(Status.SOLVED, "")), start_contacts=start, actions=whole)
 
-    def refuse(self, kind: str, goal: RotationGoal, status: Status, reason: str) -> Plan:
+    def refuse_start(self, kind: str, goal: RotationGoal) -> Plan:
+        """Return the plan that says why the start contacts do not hold."""
+        return self.refuse(kind, goal, No(self.hold.status, self.hold.reason, self.hold.refusal))
+
+    def refuse(self, kind: str, goal: RotationGoal, no: No) -> Plan:
         """Return the plan that says why there is none."""
         return replace(
             self.hold,
-            status=status,
-            reason=reason,
+            status=no.status,
+            reason=no.reason,
+            refusal=no.refusal,
             goal_kind=kind,
             goal_contacts=self._goal_contacts,
             X_WO_goal=goal.X_WO_goal,
