@@ -77,7 +77,7 @@ class RefusalKind(StrEnum):
     NO_PLACE = "no_place", "no place lets another finger go"
     NO_ROOM = "no_room", "a third finger would find no room beside them either"
     # gaits
-    THEOREM_1 = "theorem_1", "{who} cannot take over where the others hold"
+    THEOREM_1 = "theorem_1", "there is no gait for {who} [paper, Theorem 1]", "", "deg"
     """The paper's necessary condition for a gait is not met [paper §2.2]."""
     NO_FREE_FINGER = "no_free_finger", "no finger is free"
     NO_LANDING = "no_landing", "no placement holds with a finger that holds already"
@@ -172,8 +172,8 @@ class Refusal:
 
     @property
     def without_numbers(self) -> Refusal:
-        """The same without what differs from state to state, to speak of many alike."""
-        if self.measured is None and not self.because:
+        """The same without what differs from state to state, to speak of many alike; words of its own stay as they are."""
+        if self.words or (self.measured is None and not self.because):
             return self
         return replace(self, measured=None, because=tuple(r.without_numbers for r in self.because))
 

@@ -140,7 +140,8 @@ class Admissibility:
             )
         elif dexterity < limits.dexterity:
             who = min(states, key=lambda i: states[i].dexterity)
-            refusal = Refusal(RefusalKind.SINGULAR, (hand.fingers[who].name,))
+            name = hand.fingers[who].name
+            refusal = Refusal(RefusalKind.SINGULAR, (name,), float(dexterity), limits.dexterity)
         elif nearest.distance < limits.clearance:
             refusal = refuse_nearness(nearest, limits.clearance)
         else:

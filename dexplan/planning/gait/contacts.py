@@ -211,7 +211,7 @@ class ContactTable:
             if answer.is_met:
                 return None
             if refusal is None:
-                subject = (self.hand.fingers[k].name,)
+                subject = tuple(self.hand.fingers[f].name for f in (k, i.finger, j.finger))
                 refusal = Refusal(RefusalKind.THEOREM_1, subject, answer.margin, 0.0, words=answer.reason)
         return refusal or Refusal(RefusalKind.NO_FREE_FINGER)
 

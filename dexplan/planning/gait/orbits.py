@@ -188,11 +188,14 @@ def _solve(
         reason[near] = np.where(reached, why, np.array(WORKSPACE_END, dtype=object))
         if stands is None and not leg.is_shift:
             refusals = remember_clearances(hand).refuse_contact(finger, leg.center, normals[ok])
-            reason[ok] = [
-                before if refusal is None else Stop(StopKind.NEAR, " and ".join(refusal.subject))
-                for before, refusal in zip(reason[ok], refusals, strict=True)
+            blocked = np.array([refusal is not None for refusal in refusals], dtype=bool)
+            ends = reason[ok]
+            ends[blocked] = [
+                Stop(StopKind.NEAR, " and ".join(refusal.subject))
+                for refusal in refusals
+                if refusal is not None
             ]
-            ok[ok] = [refusal is None for refusal in refusals]
+            reason[ok], ok[ok] = ends, ~blocked
         else:
             _look_around(hand, finger, leg, q, ok, reason, _LOOK if stands is None else 1)
     return q, ok, [list(row) for row in reason]

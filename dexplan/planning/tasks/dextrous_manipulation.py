@@ -72,10 +72,10 @@ def plan_dextrous_manipulation(
         return stages.refuse(KIND, goal, no)
     landed, missing = stages.land_goal(goal.X_WO_goal)
     if missing:
-        words = f"{missing} cannot reach the goal contact with the object at its goal"
+        words = f"{' and '.join(missing)} cannot reach the goal contact with the object at its goal"
         shorten = "shorten goal.translation_m, or " if np.any(goal.shift_W) else "or "
         cure = Cure(f"move the contact towards the finger, {shorten}choose another attitude")
-        refusal = Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, (missing,), cure=cure, words=words)
+        refusal = Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, missing, cure=cure, words=words)
         no = No(Status.GOAL_CONTACTS_UNREACHABLE, f"{words}; {cure}", refusal)
         return stages.refuse(KIND, goal, no)
     if refused := stages.refuse_goal(goal.X_WO_goal, landed):

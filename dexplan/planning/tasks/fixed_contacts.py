@@ -96,7 +96,8 @@ def _name_limit(
         ), tight
     stiff = min(states, key=lambda f: states[f][k].dexterity)
     if states[stiff][k].dexterity < hand.limits.dexterity:
-        return Refusal(RefusalKind.SINGULAR, (hand.fingers[stiff].name,)), stiff
+        name, stiffness = hand.fingers[stiff].name, float(states[stiff][k].dexterity)
+        return Refusal(RefusalKind.SINGULAR, (name,), stiffness, hand.limits.dexterity), stiff
     return refusal, None
 
 

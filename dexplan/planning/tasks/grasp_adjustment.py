@@ -104,16 +104,17 @@ def plan_grasp_adjustment(
     return stages.refuse(KIND, stay, _refuse_every_attitude(turns))
 
 
-def _refuse_to_stay(missing: str, refusal: Refusal | None) -> No:
+def _refuse_to_stay(missing: tuple[str, ...], refusal: Refusal | None) -> No:
     """Return the answer to a goal grasp that cannot be where the object is and has to be there.
 
     ``missing``: the fingers that do not reach; where all do, ``refusal`` says why the goal contacts do not hold.
     """
     leave = "set goal.keep_object = false"
     if refusal is None:
-        words = f"{missing} cannot reach the goal contact with the object where it is, and goal.keep_object wants it there"
+        who = " and ".join(missing)
+        words = f"{who} cannot reach the goal contact with the object where it is, and goal.keep_object wants it there"
         cure = Cure(f"move the contact towards the finger, or {leave}")
-        refusal = Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, (missing,), cure=cure, words=words)
+        refusal = Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, missing, cure=cure, words=words)
         return No(Status.GOAL_CONTACTS_UNREACHABLE, f"{words}; {cure}", refusal)
     cure = Cure(f"{suggest_cure(refusal)}, or {leave}")
     reason = f"the goal contacts cannot hold the object where it is ({refusal}), and goal.keep_object wants it there; {cure}"
@@ -130,16 +131,14 @@ def _refuse_every_attitude(turns: Turns) -> No:
         )
         return No(Status.GOAL_GRASP_INADMISSIBLE, reason, replace(turns.fault, cure=cure))
     if alone := turns.missing:
-        words = f"in no attitude of the object can {alone} reach the goal contact"
+        words = f"in no attitude of the object can {' and '.join(alone)} reach the goal contact"
         cure = Cure("move the object's home nearer to the hand")
     else:
         words = "every finger reaches its goal contact in some attitude of the object, but in none do all of them at once"
         cure = Cure(
             "keep the fingers' clockwise order and the angles between them, and move the contacts towards where the fingers stand"
         )
-    refusal = Refusal(
-        RefusalKind.GOAL_CONTACT_OUT_OF_REACH, (alone,) if alone else (), cure=cure, words=words
-    )
+    refusal = Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, alone, cure=cure, words=words)
     return No(Status.GOAL_CONTACTS_UNREACHABLE, f"{words}; {cure}", refusal)
 
 

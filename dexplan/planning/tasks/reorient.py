@@ -70,7 +70,7 @@ class Turns:
         self.reachable = sorted(_find_reachable(self.stages), key=lambda turn: turn.cost)
 
     @property
-    def missing(self) -> str:
+    def missing(self) -> tuple[str, ...]:
         """The fingers that reach their goal contact in no attitude at all, where there are such."""
         stages, names = self.stages, []
         for finger, normal in enumerate(stages.goal):
@@ -78,7 +78,7 @@ class Turns:
                 alone = tuple(n if f == finger else None for f, n in enumerate(stages.goal))
                 if not any(_find_reachable(stages, alone)):
                     names.append(stages.hand.fingers[finger].name)
-        return " and ".join(names)
+        return tuple(names)
 
     def choose(self, may_end: Callable[[Array, Contacts], bool] | None = None) -> Iterator[Turn]:
         """Yield turns after which the goal grasp can be held, the best first; first such that differ much, then others.

@@ -108,8 +108,8 @@ class Stages:
         """Whether the start contacts do not hold: then :attr:`hold` says why."""
         return self.hold.status not in (Status.SOLVED, Status.NO_ADMISSIBLE_PAIR)
 
-    def land_goal(self, X_WO: Array) -> tuple[Contacts, str]:
-        """Return the goal contacts with the object at ``X_WO`` (4, 4), and which finger cannot reach its own ("" if all can)."""
+    def land_goal(self, X_WO: Array) -> tuple[Contacts, tuple[str, ...]]:
+        """Return the goal contacts with the object at ``X_WO`` (4, 4), and which fingers cannot reach their own, by name."""
         found: list[Placement | None] = []
         missing = []
         for finger, normal in enumerate(self.goal):
@@ -120,7 +120,7 @@ class Stages:
             found.append(placement)
             if placement is None:
                 missing.append(self.hand.fingers[finger].name)
-        return tuple(found), " and ".join(missing)
+        return tuple(found), tuple(missing)
 
     @property
     def _goal_contacts(self) -> tuple[GoalContact | None, ...]:
@@ -155,7 +155,7 @@ class Stages:
         X_WO = after.X_WO_start
         goal, missing = self.land_goal(X_WO)
         if missing:
-            return _stop_at_goal(Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, (missing,)))
+            return _stop_at_goal(Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, missing))
         goal = tuple(None if c is None else center_spin(self.hand, c, after) for c in goal)
         if refusal := self.refuse_goal(X_WO, goal):
             return _stop_at_goal(Refusal(RefusalKind.GOAL_GRASP_FAILS, because=(refusal,)))
