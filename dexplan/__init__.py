@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dexplan.pipeline import plan, render, rollout, validate
-    from dexplan.plan.plan import Plan
+    from dexplan.plans.plan import Plan
     from dexplan.problems.problem import Problem
     from dexplan.problems.read import load_problem
     from dexplan.scene.library import load_scene
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Plan": "dexplan.plan.plan",
+    "Plan": "dexplan.plans.plan",
     "Problem": "dexplan.problems.problem",
     "Trace": "dexplan.sim.trace",
     "ValidationReport": "dexplan.sim.judge.validate",

@@ -17,9 +17,6 @@ from dexplan.control.reference import Timing, build_reference
 from dexplan.control.speed import compute_speed
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.kinematics.workspace import load_workspace
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
-from dexplan.plan.status import Status
 from dexplan.planning.admissible.hand import AdmissibleLimits, HandModel
 from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.planning.gait.cost import CostWeights, Improvement
@@ -29,6 +26,9 @@ from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
 from dexplan.planning.tasks.object_manipulation import refuse
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.run_folder import save_problem, write_whole

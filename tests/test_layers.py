@@ -35,10 +35,10 @@ def _room_of(names: str, third_party: str = "") -> Room:
 GROUND = "errors spatial brief icosphere"
 MATH = "numpy scipy"
 ALL = (
-    f"{GROUND} contact grasp kinematics plan scene planning control sim models viz witness problems cli commands pipeline "
+    f"{GROUND} contact grasp kinematics plans scene planning control sim models viz witness problems cli commands pipeline "
     "run_folder terminal usage __init__"
 )
-KNOWN = f"{GROUND} contact grasp kinematics plan scene"
+KNOWN = f"{GROUND} contact grasp kinematics plans scene"
 ROOMS = {
     # storey 0
     "errors": _room_of(""),
@@ -56,7 +56,7 @@ ROOMS = {
     "kinematics": _room_of(f"{GROUND} contact", f"{MATH} platformdirs"),
     # storey 2
     "models": _room_of(""),
-    "plan": _room_of(f"{GROUND} contact grasp kinematics", MATH),
+    "plans": _room_of(f"{GROUND} contact grasp kinematics", MATH),
     "scene": _room_of(f"{GROUND} contact grasp kinematics models", f"{MATH} mujoco dm_control"),
     # storey 3
     "planning": _room_of(KNOWN, MATH),
@@ -100,7 +100,7 @@ MOST_FLOORS = 5
 """Floors of rooms in ``planning`` at most."""
 KNOWN_CIRCLES: frozenset[frozenset[str]] = frozenset(
     {
-        frozenset({"plan/plan.py", "plan/words.py"}),
+        frozenset({"plans/plan.py", "plans/words.py"}),
         frozenset(
             {
                 "problems/check.py",
@@ -296,7 +296,7 @@ def _loaded_after(modules: list[str]) -> set[str]:
     return set(done.stdout.split())
 
 
-@pytest.mark.parametrize("room", ["contact", "grasp", "kinematics", "plan", "planning"])
+@pytest.mark.parametrize("room", ["contact", "grasp", "kinematics", "plans", "planning"])
 def test_theory_does_not_load_mujoco(room: str) -> None:
     files = [f for f in FILES if _room(f).split(".")[0] == room]
     modules = [".".join(["dexplan", *f.relative_to(PACKAGE).with_suffix("").parts]) for f in files]
@@ -316,3 +316,11 @@ def test_import_dexplan_is_light() -> None:
     }
     heavy = {"mujoco", "matplotlib", "dm_control", "mink"}
     assert not _loaded_after(["dexplan.cli", "dexplan.problems.read"]) & heavy
+
+
+def test_no_room_hides_a_public_name() -> None:
+    """A module ``dexplan.x``, once imported, replaces whatever else ``dexplan.x`` was: verbs are no names for rooms."""
+    modules = {path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in FILES}
+    import dexplan
+
+    assert not set(dexplan.__all__) & modules

@@ -30,12 +30,12 @@ class ControlOptions:
     object_feedback: float = 1.0
     object_gain: float = 2.0
     """Rate [1/s] at which the object's pose error moves the fingertips' targets."""
-    relaxation: float = 0.05
+    relaxation: float = 0.02
     """Time constant [s] in which a fingertip's carried pose follows the measured one, tick by tick: unwanted squeeze goes.
 
-    While load goes from finger to finger tips give way, and forces lag by what they give way in this time: at 0.15 s, five
-    ticks at a time, a landing finger bore 0.1 N less than it was told and was twisted by 0.7 mN m (7 g, tips of 7 mm); at
-    0.05 s, every tick, 0.04 N and 0.3 mN m."""
+    While load goes from finger to finger tips give way, and forces lag by what they give way in this time.  At 0.15 s, five
+    ticks at a time, a landing finger bore 0.10 N less than it was told and was twisted by 0.68 mN m (7 g, tips of 7 mm); at
+    0.05 s, every tick, 0.04 N and 0.30 mN m.  Elsewhere (4 g): 0.06 N and 0.84 mN m at 0.05 s, 0.03 N and 0.38 mN m at 0.02 s."""
     joint_speed: float = 8.0
     """Fastest joint motion that mink may ask for [rad/s]."""
     force_solver: Literal["daqp", "osqp"] = "daqp"

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.spatial import Array
 from dexplan.viz.palette import as_rgb, get_finger_color
 

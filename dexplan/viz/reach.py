@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from dexplan.brief import brief_repr
 from dexplan.kinematics.chain import compute_joint_margin
 from dexplan.kinematics.workspace import compute_aligned_pose
-from dexplan.plan.refusal import RefusalCount
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.regions.regions import Regions, compute_regions
+from dexplan.plans.refusal import RefusalCount
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 
 STATION_DEG = 6.0

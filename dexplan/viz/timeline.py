@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from dexplan.plan.plan import MAY, MUST, Action, Plan
+from dexplan.plans.plan import MAY, MUST, Action, Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
 

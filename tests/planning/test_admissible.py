@@ -9,9 +9,9 @@ import pytest
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.grasp.closed_forms.pair import required_pair_preload
-from dexplan.plan.refusal import RefusalKind
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.refusal import RefusalKind
 from dexplan.spatial import Array, build_frame, direction_from_angles, make_pose
 
 MIDDLE_DEG = 60.0

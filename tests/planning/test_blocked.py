@@ -11,13 +11,13 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.contact.friction import SoftFinger
-from dexplan.plan.plan import Plan
-from dexplan.plan.refusal import Cure, RefusalKind
-from dexplan.plan.status import Status
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks.blocked import find_obstruction
 from dexplan.planning.tasks.pair_survey import refuse_every_pair
+from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Cure, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.problems.read import build_problem, load_problem
 
 CASES = Path(__file__).resolve().parents[1] / "cases"

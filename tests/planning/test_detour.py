@@ -15,14 +15,14 @@ from dexplan import pipeline
 from dexplan.control.reference import Timing, build_reference
 from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
-from dexplan.plan.plan import Placement, Plan
-from dexplan.plan.status import Status
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.steps import Step
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.ways.detour import Surroundings, find_detour
 from dexplan.planning.ways.travel import find_way
+from dexplan.plans.plan import Placement, Plan
+from dexplan.plans.status import Status
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 

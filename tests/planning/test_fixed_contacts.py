@@ -9,9 +9,9 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.errors import ProblemError
-from dexplan.plan.plan import Plan
-from dexplan.plan.refusal import RefusalKind
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states
+from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import RefusalKind
 from dexplan.problems.read import load_problem
 from dexplan.spatial import rotate_about
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.tasks.goal_refusals import suggest_cure
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.problems.read import load_problem
 
 PAIR = [[-38.0, 0.0], [102.0, 0.0], "free"]

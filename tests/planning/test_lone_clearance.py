@@ -9,11 +9,11 @@ from dexplan import pipeline
 from dexplan.icosphere import build_icosphere
 from dexplan.kinematics.spherical_wrist import solve_tip_pose
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.refusal import Refusal
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import LEVEL, LoneClearance, remember_clearances
+from dexplan.plans.refusal import Refusal
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, make_pose
 

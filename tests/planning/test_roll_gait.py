@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Placement, Plan
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll, build_roll_actions, follow_roll
 from dexplan.planning.rolling.rolling_carry import build_carry_roll, plan_rolling_turn
+from dexplan.plans.plan import MAY, MUST, MUST_NOT, Placement, Plan
+from dexplan.plans.roll import Roll
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, rotate_about
 

@@ -13,13 +13,13 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.contact.rolling.curves import roll_turning
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import MUST, Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks import rolling_start
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
 from dexplan.planning.tasks.rolling_start import OPTIONS, plan_object_manipulation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import MUST, Plan
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import build_problem, load_problem
 
 CASES = Path(__file__).resolve().parents[1] / "cases"

@@ -11,8 +11,8 @@ from dexplan import pipeline
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import Controller
 from dexplan.control.reference import build_reference
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.squeeze import CEILING, DEPTH, NORMAL_FORCE, choose_squeeze
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 from dexplan.scene.penetration import predict_penetration
 from dexplan.sim.judge.validate import load_default_limits

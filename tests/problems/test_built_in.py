@@ -10,9 +10,9 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.errors import ProblemError
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.carry import follow_object
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.scene.probe import HandProbe

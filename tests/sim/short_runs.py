@@ -10,10 +10,10 @@ import numpy as np
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, Timing, build_reference
-from dexplan.plan.plan import Plan
-from dexplan.plan.status import Status
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.gait.steps import Step
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.scene.scene import Scene

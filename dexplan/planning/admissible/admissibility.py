@@ -18,9 +18,9 @@ from dexplan.kinematics.chain import (
     compute_tip_jacobian,
     compute_tip_pose,
 )
-from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.scene.description import Nearness
 from dexplan.spatial import GRAVITY, Array
 

@@ -8,15 +8,15 @@ import numpy as np
 
 from dexplan.kinematics.chain import compute_tip_pose
 from dexplan.kinematics.following import follow_tip
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
-from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,
     Margins,
 )
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Placement
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.spatial import Array, invert_pose
 
 

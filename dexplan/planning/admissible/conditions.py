@@ -6,9 +6,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max, describe_separation
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.scene.description import OBJECT, STANDING, Nearness
 
 

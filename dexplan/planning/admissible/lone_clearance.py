@@ -19,10 +19,10 @@ from scipy.spatial import cKDTree
 
 from dexplan.icosphere import build_icosphere
 from dexplan.kinematics.spherical_wrist import solve_tip_pose
-from dexplan.plan.refusal import Refusal
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.refusal import Refusal
 from dexplan.spatial import Array, make_pose
 
 LEVEL = 4

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dexplan.plan.refusal import Refusal
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.held import Held
 from dexplan.planning.gait.steps import Step
 from dexplan.planning.gait.stops import Stop, StopKind
+from dexplan.plans.refusal import Refusal
 
 Limit = tuple[int | None, Stop | Refusal]
 """The limiting finger, None where it is no finger, and what ends the motion."""

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dexplan.plan.refusal import Refusal, RefusalCount, RefusalKind
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.conditions import Condition, find_unmet
 from dexplan.planning.admissible.hand import HandModel
@@ -30,6 +29,7 @@ from dexplan.planning.gait.steps import Step
 from dexplan.planning.gait.stops import Stop, StopKind
 from dexplan.planning.ways.detour import NOBODY
 from dexplan.planning.ways.travel import choose_nearer, refuse_way
+from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
 
 TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)
 """Shares of the longest possible motion after which a finger is exchanged."""

@@ -9,11 +9,11 @@ from itertools import combinations
 
 import numpy as np
 
-from dexplan.plan.refusal import Cure, Refusal, RefusalKind
 from dexplan.planning.admissible.conditions import refuse_locked_joint
 from dexplan.planning.admissible.separation import compute_opposition
 from dexplan.planning.gait.contacts import APART, ContactTable
 from dexplan.planning.gait.held import Held
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.spatial import Array
 
 COUNT = 24

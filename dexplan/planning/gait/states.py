@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.kinematics.arcs import build_travel, compute_hover
-from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.admissible.admissibility import Admissibility, Margins
 from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
@@ -20,6 +19,7 @@ from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.held import Held
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.scene.description import Nearness
 from dexplan.spatial import Array, make_pose
 

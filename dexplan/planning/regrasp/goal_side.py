@@ -10,8 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import combinations
 
-from dexplan.plan.motion import rest_at
-from dexplan.plan.refusal import Refusal, RefusalCount, RefusalKind
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.layers import Layers
@@ -22,6 +20,8 @@ from dexplan.planning.regrasp.still import Stand, StillContacts
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair
 from dexplan.planning.ways.travel import refuse_way
+from dexplan.plans.motion import rest_at
+from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
 from dexplan.spatial import Array
 
 OPTIONS = 2

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
-from dexplan.plan.refusal import Refusal
-from dexplan.plan.roll import Roll
 from dexplan.planning.rolling.roll_to_goal import measure_angle
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Placement
+from dexplan.plans.refusal import Refusal
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array
 
 Contacts = tuple[Placement | None, ...]

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.refusal import Refusal, RefusalCount, RefusalKind
 from dexplan.planning.regrasp.layers import Layers
 from dexplan.planning.regrasp.nodes import Entry, Node, change_stand
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.still import Stand
 from dexplan.planning.ways.travel import refuse_way
+from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
 
 HEURISTIC_WEIGHT = 2.5
 """How much more moves still to be made count than those already made."""

@@ -10,8 +10,6 @@ from dexplan.kinematics.arcs import build_travel, compute_hover
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.plan import Placement
-from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,
@@ -25,6 +23,8 @@ from dexplan.planning.admissible.order import keeps_order
 from dexplan.planning.admissible.separation import compute_opposition, compute_pair_angle_max
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
+from dexplan.plans.plan import Placement
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.spatial import Array, invert_pose
 
 Stand = tuple[int | None, ...]

@@ -20,9 +20,6 @@ from dexplan.errors import spell_apart
 from dexplan.kinematics.arcs import build_travel, compute_hover, refine
 from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.kinematics.following import follow_tip
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.plan.refusal import Key, Refusal, RefusalCount, RefusalKind
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, compute_finger_states, worst
 from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
@@ -33,6 +30,9 @@ from dexplan.planning.admissible.tip_rotation import (
     refuse_sweep,
     trace_on_tip,
 )
+from dexplan.plans.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plans.refusal import Key, Refusal, RefusalCount, RefusalKind
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array
 
 STEP = float(np.radians(1.0))

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.plan.refusal import Refusal
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import end_placement, follow_roll
+from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plans.refusal import Refusal
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array, rotate_about
 
 STEP = float(np.radians(1.0))

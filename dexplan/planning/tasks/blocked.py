@@ -9,16 +9,16 @@ import numpy as np
 
 from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Placement
-from dexplan.plan.refusal import Cure, Refusal, RefusalKind
-from dexplan.plan.status import Status
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.conditions import Condition, find_unmet, refuse_locked_joint, refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import list_others
 from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.pair_survey import find_nearest_at_home
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Placement
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.scene.description import STANDING, Nearness
 from dexplan.spatial import Array, make_pose
 

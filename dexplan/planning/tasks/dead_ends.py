@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dexplan.plan.status import Status
 from dexplan.planning.tasks.goal_refusals import explain_separation, suggest_cure
 from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.passes import Outcome, explain_giving_up
 from dexplan.planning.tasks.stages import Stages
+from dexplan.plans.status import Status
 
 
 def refuse_end(stages: Stages, status: Status, done: Outcome, after: str, tried: str = "") -> No:

@@ -14,11 +14,6 @@ from typing import Literal
 import numpy as np
 
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Plan
-from dexplan.plan.refusal import Cure, Refusal, RefusalKind
-from dexplan.plan.status import Status
 from dexplan.planning.actions.overlap import overlap_travel
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.cost import Improvement
@@ -28,6 +23,11 @@ from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import FIRST, Start
 from dexplan.planning.tasks.passes import PASSES, Pass
 from dexplan.planning.tasks.stages import Stages
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 
 KIND = "dextrous_manipulation"
 Order = Literal["object_first", "grasp_first", "simultaneous"]

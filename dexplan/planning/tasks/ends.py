@@ -12,10 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Action, Plan
-from dexplan.plan.refusal import Refusal, RefusalKind
-from dexplan.plan.status import Status
 from dexplan.planning.actions.joining import Contacts, follow_actions, without_holds
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -23,6 +19,10 @@ from dexplan.planning.regrasp.still import StillContacts
 from dexplan.planning.rolling.roll_gait import build_roll_actions
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotations
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Action, Plan
+from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.spatial import VERTICAL
 
 BUDGETS = (12, 12, 50, 400)

@@ -9,11 +9,11 @@ import numpy as np
 from dexplan.errors import spell_apart
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
-from dexplan.plan.refusal import Cure, Refusal, RefusalKind
-from dexplan.plan.status import Status
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max, describe_separation
 from dexplan.planning.tasks.no import No
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.spatial import Array, build_frame
 
 GoalContacts = tuple[Array | None, ...]

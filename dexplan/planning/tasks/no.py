@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dexplan.plan.refusal import Refusal
-from dexplan.plan.status import Status
+from dexplan.plans.refusal import Refusal
+from dexplan.plans.status import Status
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,6 @@ from typing import Literal
 import numpy as np
 
 from dexplan.kinematics.spherical_wrist import solve_standing
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Action, Placement, Plan
-from dexplan.plan.refusal import Cure, Refusal, RefusalKind
-from dexplan.plan.status import Status
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.conditions import Condition
@@ -29,6 +25,10 @@ from dexplan.planning.tasks.blocked import StartContact, may_hold_at, refuse_sta
 from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.pair_survey import PairSurvey, refuse_every_pair, spell_no_pair
 from dexplan.planning.tasks.start_refusals import refuse_lifting, refuse_start_grasp
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Action, Placement, Plan
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 
 Start = tuple[StartContact | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or

@@ -15,9 +15,6 @@ from itertools import product
 
 import numpy as np
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.plan.refusal import Refusal, RefusalCount, RefusalKind
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
@@ -25,6 +22,9 @@ from dexplan.planning.gait.escape import LONGEST_TURN_COST, MOST_PLACES_COUNTED,
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.rolling.roll_gait import STEP, build_roll, end_placement, follow_roll, judge_ways
 from dexplan.planning.rolling.roll_to_goal import Rolled
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
 from dexplan.spatial import Array, build_frame
 
 HEADINGS = 12

@@ -18,7 +18,6 @@ from dexplan.errors import spell_apart
 from dexplan.icosphere import build_icosphere
 from dexplan.kinematics.chain import compute_tip_pose
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_near, solve_tip_pose
-from dexplan.plan.refusal import Cure, Refusal, RefusalCount, RefusalKind
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.conditions import Condition, find_unmet, refuse_nearness
@@ -27,6 +26,7 @@ from dexplan.planning.admissible.loads import compute_object_wrench, compute_pai
 from dexplan.planning.admissible.lone_clearance import LEVEL, list_others
 from dexplan.planning.admissible.order import keeps_order
 from dexplan.planning.admissible.separation import compute_opposition, compute_pair_angle_max
+from dexplan.plans.refusal import Cure, Refusal, RefusalCount, RefusalKind
 from dexplan.scene.description import STANDING, Nearness
 from dexplan.spatial import Array
 

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Action
-from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.actions.joining import Contacts
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Action
+from dexplan.plans.refusal import Refusal, RefusalKind
 
 USUAL_BUDGET = 2_000
 """The default of ``gait.node_budget``, for which limits on work in tasks with goal contacts are meant; more multiplies them."""

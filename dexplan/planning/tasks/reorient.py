@@ -11,11 +11,11 @@ import numpy as np
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.grasp.margin import solve_bounded_margin
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.refusal import Refusal
 from dexplan.planning.actions.joining import Contacts
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.tasks.stages import Stages
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.refusal import Refusal
 from dexplan.spatial import GRAVITY, Array, build_frame, rotate_about, rotation_vector
 
 AXES = 96

@@ -12,11 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Action, GoalContact, Placement, Plan
-from dexplan.plan.refusal import Refusal, RefusalKind
-from dexplan.plan.status import Status
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
 from dexplan.planning.actions.joining import Contacts, build_move_actions, enclose, follow_actions
 from dexplan.planning.admissible.admissibility import Admissibility
@@ -40,6 +35,11 @@ from dexplan.planning.tasks.passes import (
     choose_rests,
     scale_work,
 )
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Action, GoalContact, Placement, Plan
+from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.spatial import VERTICAL, Array
 
 SEARCH_BUDGET = 160

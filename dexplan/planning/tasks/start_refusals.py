@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from dexplan.errors import spell_apart
-from dexplan.plan.refusal import Cure, Refusal, RefusalKind
-from dexplan.plan.status import Status
 from dexplan.planning.admissible.admissibility import Margins
 from dexplan.planning.admissible.conditions import Condition, find_unmet
 from dexplan.planning.admissible.separation import compute_pair_angle_max
@@ -16,6 +14,8 @@ from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.held import Held
 from dexplan.planning.gait.search import CURE
 from dexplan.planning.tasks.no import No
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 
 START_CLOSURE = float(np.radians(1.0))
 """Angle that a pair to start from keeps to the border of the believed friction cones [rad]; pairs that are chosen keep more."""

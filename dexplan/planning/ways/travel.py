@@ -12,10 +12,10 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.kinematics.arcs import refine
 from dexplan.kinematics.chain import compute_joint_margin
-from dexplan.plan.refusal import Refusal, RefusalKind
 from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
 from dexplan.planning.ways.detour import Surroundings, bow_arc, find_detour
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.scene.description import Nearness
 from dexplan.spatial import Array, read_only
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
-from dexplan.plan.poses import read_pose, write_pose
-from dexplan.plan.refusal import Refusal
-from dexplan.plan.roll import Roll
-from dexplan.plan.speed import PlannedSpeed
-from dexplan.plan.status import Status
+from dexplan.plans.poses import read_pose, write_pose
+from dexplan.plans.refusal import Refusal
+from dexplan.plans.roll import Roll
+from dexplan.plans.speed import PlannedSpeed
+from dexplan.plans.status import Status
 from dexplan.spatial import Array, read_only
 
 FORMAT = 1
@@ -339,6 +339,6 @@ class Plan:
 
     def explain(self) -> str:
         """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
-        from dexplan.plan.words import explain_plan
+        from dexplan.plans.words import explain_plan
 
         return explain_plan(self)

@@ -10,8 +10,8 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.errors import RunFolderError
-from dexplan.plan.plan import Plan
-from dexplan.plan.status import Status
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.problems.read import load_problem
 
 

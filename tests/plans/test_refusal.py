@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
-from dexplan.plan.refusal import Cure, Refusal, RefusalCount, RefusalKind
+from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Cure, Refusal, RefusalCount, RefusalKind
 from dexplan.problems.read import load_problem
 
 NEAR = Refusal(RefusalKind.NEAR_FINGER, ("finger_1/tip", "finger_2/tip"), 0.00123, 0.002)
