@@ -19,7 +19,7 @@ from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_near, s
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import list_others, remember_clearances
 from dexplan.planning.gait.legs import Leg
-from dexplan.planning.gait.stops import WORKSPACE_END, Stop, StopKind
+from dexplan.planning.gait.stops import LAST_JOINT, SINGULAR, WORKSPACE_END, Stop, StopKind
 from dexplan.spatial import Array, make_pose, read_only
 
 _JUMP = 0.30
@@ -104,7 +104,7 @@ def build_fixed_orbit(
         if np.abs(q - postures[0]).max() > _JUMP:
             reached[0], reasons[0] = False, Stop(StopKind.BRANCH)
     if reached[0] and not lower - 1e-9 <= postures[0, -1] <= upper + 1e-9:
-        reached[0], reasons[0] = False, Stop(StopKind.LAST_JOINT)
+        reached[0], reasons[0] = False, LAST_JOINT
     here, last = 0, min(len(postures) - 1, leg.stations)
     for count in range(1, last + 1):
         there = leg.sense * count % len(postures)
@@ -114,9 +114,9 @@ def build_fixed_orbit(
         if not reached[there]:
             end[0] = reasons[there]
         elif np.abs(step[:-1]).max() > _JUMP:
-            end[0] = Stop(StopKind.SINGULAR)
+            end[0] = SINGULAR
         elif not lower <= postures[there, -1] <= upper:
-            end[0] = Stop(StopKind.LAST_JOINT)
+            end[0] = LAST_JOINT
         else:
             here, carry[0] = there, count
             continue
@@ -184,7 +184,7 @@ def _solve(
         joints = np.array(
             [Stop(StopKind.JOINT, name.split("/")[-1]) for name in description.joint_names], dtype=object
         )
-        why = np.where(inside, np.array(Stop(StopKind.SINGULAR), dtype=object), joints[nearest])
+        why = np.where(inside, np.array(SINGULAR, dtype=object), joints[nearest])
         reason[near] = np.where(reached, why, np.array(WORKSPACE_END, dtype=object))
         if stands is None and not leg.is_shift:
             refusals = remember_clearances(hand).refuse_contact(finger, leg.center, normals[ok])
@@ -257,7 +257,7 @@ def _measure_runs(
         if first < count and ok[order[first]]:
             if last < len(order) - 1:
                 there = order[last + 1]
-                end = Stop(StopKind.SINGULAR) if ok[there] else why[there]
+                end = SINGULAR if ok[there] else why[there]
             else:
                 end = Stop(StopKind.SHIFT_END if leg.is_shift else StopKind.WHOLE_TURN)
             begun = np.arange(first, min(last + 1, count))
@@ -266,7 +266,7 @@ def _measure_runs(
             carry[here] = many - 1
             whole = (begun + many == last + 1) | (many == count)
             for station, is_whole in zip(here.tolist(), whole.tolist(), strict=True):
-                limit[station] = end if is_whole else Stop(StopKind.LAST_JOINT)
+                limit[station] = end if is_whole else LAST_JOINT
             if rolls:
                 centred = 0.5 * (low + high) - value[begun]
                 spin[here] = sign * (middle - q[here, -1] - centred)

@@ -35,5 +35,9 @@ class Stop:
         return self.kind.value.format(who=self.who)
 
 
-WORKSPACE_END = Stop(StopKind.WORKSPACE)
-"""What stops a finger where no posture reaches."""
+WORKSPACE_END, SINGULAR, LAST_JOINT = (
+    Stop(StopKind.WORKSPACE),
+    Stop(StopKind.SINGULAR),
+    Stop(StopKind.LAST_JOINT),
+)
+"""What stops a finger where no posture reaches, where one is singular, and where its last joint comes to its limit."""
