@@ -9,6 +9,8 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
+from dexplan.moved import keep_old_names
+
 if TYPE_CHECKING:
     from dexplan.pipeline import plan, render, rollout, validate
     from dexplan.plans.plan import Plan
@@ -66,3 +68,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+keep_old_names()

@@ -16,6 +16,7 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
+from dexplan.plans.forces import NormalForces
 from dexplan.plans.poses import read_pose, write_pose
 from dexplan.plans.refusal import Refusal
 from dexplan.plans.roll import Roll
@@ -147,8 +148,8 @@ class Plan:
     normal_force: float
     statistics: Mapping[str, float] = field(default_factory=dict)
     goal_contacts: tuple[GoalContact | None, ...] | None = None
-    normal_floor: float = 4.0
-    normal_ceiling: float = 12.0
+    normal_floor: float = NormalForces.floor
+    normal_ceiling: float = NormalForces.ceiling
     speed: PlannedSpeed | None = None
     refusal: Refusal | None = None
     """What stood in the way, as a value; None where the goal is reached."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
 from dexplan.scene.scene import Scene
-from dexplan.spatial import Array, cross
+from dexplan.spatial import Array, cross, lock_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,9 @@ class Touches:
     pole_angle: Array
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
@@ -74,10 +78,18 @@ def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
     return Touches(active, point, rotation, force, slip, penetration, pole_angle)
 
 
-def _find_contacts(scene: Scene, data: mujoco.MjData) -> dict[int, tuple[int, float, bool]]:
-    """Return per finger that touches: its deepest contact's index, distance [m], and whether the object is geom[1]."""
+class _Deepest(NamedTuple):
+    """A finger's deepest contact: its row in MuJoCo's list, distance [m], and whether the object is geom[1]."""
+
+    row: int
+    distance: float
+    is_object_second: bool
+
+
+def _find_contacts(scene: Scene, data: mujoco.MjData) -> dict[int, _Deepest]:
+    """Return the deepest contact of each finger that touches."""
     finger_of = {int(geom): i for i, geom in enumerate(scene.tip_geoms)}
-    found: dict[int, tuple[int, float, bool]] = {}
+    found: dict[int, _Deepest] = {}
     rows = zip(
         data.contact.geom.tolist(), data.contact.dist.tolist(), data.contact.efc_address.tolist(), strict=True
     )
@@ -85,8 +97,8 @@ def _find_contacts(scene: Scene, data: mujoco.MjData) -> dict[int, tuple[int, fl
         if address < 0 or scene.object_geom not in (first, second):
             continue
         i = finger_of.get(first if second == scene.object_geom else second)
-        if i is not None and (i not in found or distance < found[i][1]):
-            found[i] = (k, distance, second == scene.object_geom)
+        if i is not None and (i not in found or distance < found[i].distance):
+            found[i] = _Deepest(k, distance, second == scene.object_geom)
     return found
 
 

@@ -36,7 +36,7 @@ class Recheck:
     def __post_init__(self) -> None:
         self._admissibility = Admissibility(self.hand)
         self._contacts: list[Placement | None] = list(self.plan.start_contacts)
-        self._q = self.hand.q_home
+        self._q = self.hand.q_home.copy()
         self._X_WO = self.plan.X_WO_start
         for contact in self._contacts:
             if contact is not None:

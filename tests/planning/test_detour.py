@@ -51,7 +51,7 @@ def build_landing(*obstacles: dict[str, object]) -> Landing:
         for f, a, e in ((0, 0.0, -36.0), (1, 140.0, 0.0), (2, -100.0, 0.0))
     ]
     low, other, third = (c for c in found if c is not None)
-    q = hand.q_home
+    q = hand.q_home.copy()
     q[1] = other.q
     hover = compute_hover(finger, X_WO, low.X_OF, low.normal_O, low.q, hand.hover)
     arc = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])

@@ -110,7 +110,7 @@ def test_rolled_pairs_hold_all_the_way_and_leave_room(hands: dict[float, HandMod
         start = contacts[roll.finger]
         assert start is not None
         assert roll.X_OF[0] == pytest.approx(start.X_OF, abs=1e-9)
-    q = hand.q_home
+    q = hand.q_home.copy()
     for c in ends:
         q[c.finger] = c.q
     assert judge.compute_margins(q, goal.X_WO_start, (0, 1)).is_admissible

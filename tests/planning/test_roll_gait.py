@@ -84,7 +84,7 @@ class TestThreeToTwo:
         for found in islice(RollToPair(hand, ring.X_WO_start, ring.start_contacts, judge).options(), 3):
             assert found.margins["load"] > 0.0
             assert found.margins["clearance_mm"] >= 1e3 * hand.limits.clearance
-            q = hand.q_home
+            q = hand.q_home.copy()
             for i in found.pair:
                 placement = found.contacts[i]
                 assert placement is not None

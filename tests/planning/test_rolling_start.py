@@ -82,7 +82,7 @@ def check_whole(hand: HandModel, plan: Plan, case: Case) -> None:
         assert changed == ({action.finger} - {None} | {r.finger for r in action.rolls}), action.kind
         X_WO, contacts = action.X_WO_end, action.contacts_end
         held = {i: c.X_OF for i, c in enumerate(contacts) if c is not None}
-        q = hand.q_home
+        q = hand.q_home.copy()
         for i, X_OF in held.items():
             solved, reached = hand.workspaces[i].solve((X_WO @ X_OF)[None])
             assert reached[0], (action.kind, i)

@@ -72,7 +72,7 @@ def compute_plan_clearance(problem: Problem, plan: Plan) -> tuple[float, str]:
         held = [replace(c, q=postures[c.finger]) for c in before if c is not None]
         ways = {c.finger: follow_object(hand, c, poses)[0] for c in held}
         for k, X_WO in enumerate(poses):
-            q = hand.q_home
+            q = hand.q_home.copy()
             for finger, way in ways.items():
                 q[finger] = way[k]
             clearance = probe.compute_clearance(q, X_WO, tuple(ways))

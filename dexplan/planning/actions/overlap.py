@@ -130,7 +130,7 @@ def _find_journey(
     touching = tuple(c.finger for c in holders)
     moments = []
     for k, X_WO in enumerate(poses):
-        q = hand.q_home
+        q = hand.q_home.copy()
         q[list(touching)] = [way[k] for way in carried]
         moments.append(Surroundings(hand, q, X_WO, finger, touching))
     arc = build_journey(who, leaves, comes, motion)

@@ -22,7 +22,7 @@ from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.scene.description import Nearness
-from dexplan.spatial import GRAVITY, Array
+from dexplan.spatial import GRAVITY, Array, lock_arrays, read_only
 
 
 @dataclass(frozen=True)
@@ -76,13 +76,19 @@ class FingerState:
     joint: float
     dexterity: float
 
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
 
 def compute_finger_states(hand: HandModel, finger: int, q: Array) -> list[FingerState]:
     """Return the states of ``finger`` at postures ``q`` (N, J) [rad]; one pass for all of them."""
     chain = hand.fingers[finger].chain
     X, J = compute_tip_pose(chain, q), compute_tip_jacobian(chain, q)
     joint, dexterity = compute_joint_margin(chain, q), compute_dexterity(chain, q)
-    return [FingerState(*row) for row in zip(q, X, J, joint, dexterity, strict=True)]
+    # Locked as a whole, so that no state has to copy its rows.
+    for stack in (X, J):
+        stack.setflags(write=False)
+    return [FingerState(*row) for row in zip(read_only(q), X, J, joint, dexterity, strict=True)]
 
 
 @dataclass(eq=False)

@@ -45,7 +45,7 @@ def judge_carry(
     rows: list[Margins] = []
     for k, X_WO in enumerate(poses):
         now = {finger: way[k] for finger, way in states.items()}
-        q = hand.q_home
+        q = hand.q_home.copy()
         for finger, state in now.items():
             q[finger] = state.q
         row = admissibility.compute_margins_of(now, q, X_WO, axis_W=axis, explain=False)

@@ -34,7 +34,7 @@ class Condition(StrEnum):
             return Refusal(RefusalKind.NOT_CLOSED, needed=np.pi - 2.0 * max(beta, 0.0), words=words)
         if self is Condition.JOINTS:
             kept = hand.limits.joint_margin
-            words = f"the joint ranges, {np.degrees(kept):.0f} deg kept from their ends, leave no two fingers contacts that hold"
+            words = f"the joint ranges, {np.degrees(kept):.3g} deg kept from their ends, leave no two fingers contacts that hold"
             return Refusal(RefusalKind.JOINT_LIMIT, needed=kept, words=words)
         if self is Condition.ALLOWED:
             words = "object.allowed_regions leave no two fingers contacts that hold"
@@ -93,7 +93,7 @@ def refuse_locked_joint(hand: HandModel, finger: int) -> Refusal | None:
         return None
     name = description.joint_names[int(ranges.argmin())].replace("/", ".")
     words = (
-        f"{name} has a range of {np.degrees(ranges.min()):.1f} deg, and a finger that holds keeps {np.degrees(margin):.0f} deg "
+        f"{name} has a range of {np.degrees(ranges.min()):.1f} deg, and a finger that holds keeps {np.degrees(margin):.3g} deg "
         "to either end"
     )
     return Refusal(RefusalKind.LOCKED_JOINT, (name,), float(ranges.min()), 2.0 * margin, words=words)

@@ -79,7 +79,7 @@ class LoneClearance:
     ) -> list[Refusal | None]:
         hand, X_WO, clearance = self.hand, make_pose(p=center), self.hand.limits.clearance
         refusals: list[Refusal | None] = []
-        posture, others = hand.q_home, list_others(hand, finger)
+        posture, others = hand.q_home.copy(), list_others(hand, finger)
         for q, is_reached in zip(*solve_tip_pose(hand.workspaces[finger], X_WF), strict=True):
             posture[finger] = q
             nearest = hand.probe.find_nearest(posture, X_WO, touching, others) if is_reached else None

@@ -1,17 +1,19 @@
-"""How hard the fingers squeeze: as hard as ever, less where a light object would be entered too deep, or not at all."""
+"""How hard the fingers squeeze: as hard as asked, less where a light object would be entered too deep, or not at all."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from dexplan.contact.friction import SoftFinger
+from dexplan.plans.forces import NormalForces
 from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.spatial import GRAVITY
 
-NORMAL_FORCE = 5.5
-"""Normal force that a loaded contact aims at [N]; the force QP raises it where the load asks for more."""
-FLOOR_SHARE, CEILING = 4.0 / 5.5, 12.0
-"""Least normal force of a loaded contact over the one it aims at, and the greatest one [N]."""
+USUAL = NormalForces()
+"""The normal forces of a problem that asks for none."""
+MEASURED_AT = 5.5
+"""Normal force [N] with which ``friction.safety`` was found to cover what execution adds (see :data:`FOLLOWING_FORCE`)."""
 FLOOR_OF_CEILING = 0.48
 """The least normal force is at most this share of the greatest one: while fingers are exchanged one contact bears what two others
 on its far side press, and has to stay below its greatest force while they stay above their least.  Binds for light objects only,
@@ -58,19 +60,25 @@ class Squeeze:
 
     @property
     def friction_share(self) -> float:
-        """Share of the believed friction that planner and controller may count on; 1 with :data:`NORMAL_FORCE`."""
-        return 1.0 - FOLLOWING_FORCE * (1.0 / max(self.normal, LEAST) - 1.0 / NORMAL_FORCE)
+        """Share of the believed friction that planner and controller may count on; 1 from :data:`MEASURED_AT` on."""
+        return min(1.0, 1.0 - FOLLOWING_FORCE * (1.0 / max(self.normal, LEAST) - 1.0 / MEASURED_AT))
 
 
-def choose_squeeze(mass: float, friction: SoftFinger, bearable: float, greatest: float) -> Squeeze:
-    """Return how hard an object of ``mass`` [kg] is squeezed.
+def choose_squeeze(
+    mass: float, friction: SoftFinger, bearable: float, greatest: float, asked: NormalForces = USUAL
+) -> Squeeze:
+    """Return how hard an object of ``mass`` [kg] is squeezed: as asked, less where the tips would stand too deep in it.
+
+    More than the usual target is asked for by somebody who means it, and is refused where it is too deep; the usual one, or less,
+    is lowered.  How little is asked for is the asker's business: less squeeze, less friction is believed.
 
     Args:
         friction: the believed one.
         bearable: normal force [N] under which tips are predicted to stand :data:`DEPTH` deep in the object at rest.
         greatest: the same for :data:`DEPTH_CEILING`.
+        asked: what the problem asks for.
     """
-    normal = min(NORMAL_FORCE, bearable)
+    normal = min(asked.target, bearable)
     landing = TOUCH_DOWN + TOUCH_DOWN_PER_MASS * mass
     needed = max(
         LEAST,
@@ -78,7 +86,7 @@ def choose_squeeze(mass: float, friction: SoftFinger, bearable: float, greatest:
         FOLLOWING_TORQUE / (LEFT_FOR_TORSION * friction.torsional),
     )
     refusal = None
-    if normal < min(needed, NORMAL_FORCE):
+    if normal < min(needed, asked.target, USUAL.target):
         words = (
             f"an object of {1e3 * mass:.3g} g is too light for this hand: squeezed with more than {normal:.3g} N its contacts "
             f"are deeper than {1e6 * DEPTH:.0f} um in the simulator, and to carry it, and to exchange fingers, takes "
@@ -88,5 +96,18 @@ def choose_squeeze(mass: float, friction: SoftFinger, bearable: float, greatest:
             "use a heavier object (object.mass_kg) or more friction (friction.sliding, friction.torsional_m)"
         )
         refusal = Refusal(RefusalKind.TOO_LIGHT, (), normal, needed, cure, words=words)
-    ceiling = max(normal, min(CEILING, greatest))
-    return Squeeze(normal, min(FLOOR_SHARE * normal, FLOOR_OF_CEILING * ceiling), ceiling, refusal)
+    elif normal < asked.target and asked.target > USUAL.target:
+        words = (
+            f"an object of {1e3 * mass:.3g} g is too light for the {asked.target:.3g} N that are asked for: squeezed with more "
+            f"than {normal:.3g} N its contacts are deeper than {1e6 * DEPTH:.0f} um in the simulator"
+        )
+        least = math.floor(1e2 * normal) / 1e2
+        cure = Cure(
+            f"ask for at most {least:g} N (forces.normal_N), or use a heavier object (object.mass_kg)"
+        )
+        refusal = Refusal(RefusalKind.TOO_LIGHT, (), normal, asked.target, cure, words=words)
+    ceiling = max(normal, min(asked.ceiling, greatest))
+    floor = asked.floor if normal == asked.target else asked.floor / asked.target * normal
+    if ceiling < asked.ceiling:
+        floor = min(floor, FLOOR_OF_CEILING * ceiling)
+    return Squeeze(normal, floor, ceiling, refusal)

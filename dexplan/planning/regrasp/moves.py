@@ -9,7 +9,7 @@ from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Placement
 from dexplan.plans.refusal import Refusal
 from dexplan.plans.roll import Roll
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 Contacts = tuple[Placement | None, ...]
 """Per finger where it touches, None where it is free."""
@@ -32,6 +32,9 @@ class Move:
     motion: ObjectMotion | None = None
     way: Array | None = None
     """The postures (K, J) of the finger's way where they are not the arc's, as it walks them."""
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 @dataclass(frozen=True, eq=False)

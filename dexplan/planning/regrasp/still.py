@@ -154,7 +154,7 @@ class StillContacts:
 
     def postures(self, stand: Stand) -> Array:
         """Return the postures (F, J) of a stand, free fingers at home."""
-        q = self.hand.q_home
+        q = self.hand.q_home.copy()
         for finger, spot in enumerate(stand):
             if spot is not None:
                 q[finger] = self.spots[spot].q

@@ -140,7 +140,7 @@ def judge_ways(
     count = len(next(iter(ways.values())))
     rows: list[Margins] = []
     for k in (count - 1, *range(count - 1)):
-        q = hand.q_home
+        q = hand.q_home.copy()
         for finger, way in ways.items():
             q[finger] = way[k]
         here = {i: rows_i[k] for i, rows_i in states.items()}
@@ -271,7 +271,7 @@ class RollToPair:
         self, contacts: tuple[Placement | None, ...], pair: tuple[int, int], lifted: int
     ) -> tuple[Margins | None, Refusal | None]:
         """Return the margins of holding with the pair alone once the third finger has gone home; else why it cannot go."""
-        q = self.hand.q_home
+        q = self.hand.q_home.copy()
         for finger in pair:
             placement = contacts[finger]
             assert placement is not None

@@ -90,7 +90,7 @@ def plan_rolling_turn(
             last, limit, finger = min(last, len(q) - 1), refusal, placement.finger
     rows: list[Margins] = []
     for k in range(last + 1):
-        q = hand.q_home
+        q = hand.q_home.copy()
         for i, way in ways.items():
             q[i] = way[k]
         row = admissibility.compute_margins(q, turned[k], tuple(sorted(ways)), axis_W=np.sign(angle) * axis_W)

@@ -98,14 +98,14 @@ def refuse_contact(
         left = (
             f"{np.degrees(abs(room[joint])):.1f} deg {'from' if room[joint] >= 0.0 else 'beyond'} its limit"
         )
-        words = f"{name} would be {left}, and {np.degrees(limits.joint_margin):.0f} deg are kept"
+        words = f"{name} would be {left}, and {np.degrees(limits.joint_margin):.3g} deg are kept"
         return Refusal(
             RefusalKind.JOINT_LIMIT, (description.name,), float(room[joint]), limits.joint_margin, words=words
         )
     if float(estimate_dexterity(chain, q[None])[0]) < limits.dexterity:
         words = "its posture would be nearly singular"
         return Refusal(RefusalKind.SINGULAR, (description.name,), words=words)
-    posture = hand.q_home
+    posture = hand.q_home.copy()
     posture[finger] = q
     nearest = hand.probe.find_nearest(posture, make_pose(p=center), (finger,), list_others(hand, finger))
     if nearest.distance < limits.clearance:

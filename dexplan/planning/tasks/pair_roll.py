@@ -25,7 +25,7 @@ from dexplan.planning.rolling.roll_to_goal import Rolled
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
-from dexplan.spatial import Array, build_frame
+from dexplan.spatial import Array, build_frame, lock_arrays
 
 HEADINGS = 12
 """Directions in which a contact may roll, evenly around its normal."""
@@ -45,6 +45,9 @@ class _Candidate:
     toward: Array
     angles: tuple[float, float]
     normals_W: tuple[Array, Array]
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 @dataclass(eq=False)

@@ -16,7 +16,7 @@ from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.tasks.stages import Stages
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal
-from dexplan.spatial import GRAVITY, Array, build_frame, rotate_about, rotation_vector
+from dexplan.spatial import GRAVITY, Array, build_frame, lock_arrays, rotate_about, rotation_vector
 
 AXES = 96
 """Axes about which turns are tried."""
@@ -47,6 +47,9 @@ class Turn:
     axis_W: Array
     angle: float
     away: float
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def cost(self) -> float:

@@ -20,7 +20,7 @@ from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, co
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.order import keeps_order
 from dexplan.scene.description import Nearness
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 SEED = 1
 CHECKS = 1200
@@ -63,6 +63,9 @@ class Surroundings:
     finger: int
     touching: tuple[int, ...]
 
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
     @cached_property
     def _arms(self) -> dict[int, Array]:
         """Return the tips' centres as seen from the object's."""
@@ -104,6 +107,9 @@ class Detour:
     way: Array | None
     nearest: Nearness
     checks: int
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def clearance(self) -> float:
