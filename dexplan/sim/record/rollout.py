@@ -7,23 +7,24 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from mujoco.batch import Batch
 
-from dexplan.control.controller import Command, Controller
+from dexplan.control.controller import Controller
 from dexplan.control.observation import Observation
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
 from dexplan.kinematics.chain import solve_ik
 from dexplan.scene.scene import Scene
-from dexplan.scene.touch import Touches, compute_static_normal_force, read_touches
+from dexplan.scene.touch import build_touch_model, compute_static_normal_force
 from dexplan.sim.machine import describe_machine, describe_versions
+from dexplan.sim.record.recorder import BATCH, STATE, Recorder
 from dexplan.sim.trace import Trace
-from dexplan.spatial import Array, as_pose7, make_pose
+from dexplan.spatial import Array, make_pose
 
 START_DEPTH = 5e-5
 """How deep the tips stand in the object at the start [m]: about what their first newtons make of a touch."""
 PACKAGES = ("dexplan", "mujoco", "mink", "daqp", "osqp", "numpy", "scipy")
 """Whose versions a record names."""
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 def rollout(
@@ -50,23 +51,19 @@ def rollout(
         raise ValueError(
             f"{options.rate:g} ticks per second do not last a whole number of physics steps of {model.opt.timestep:g} s"
         )
-    data, probe = mujoco.MjData(model), mujoco.MjData(model)
+    data = mujoco.MjData(model)
     X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
     _set_start(scene, believed, reference, options, X_WO, data)
-    size = mujoco.mj_stateSize(model, STATE)
-    state = np.zeros(size)
-    mujoco.mj_getState(model, data, state, STATE)
-    initial_state = state.copy()
+    initial_state = np.zeros(mujoco.mj_stateSize(model, STATE))
+    mujoco.mj_getState(model, data, initial_state, STATE)
     controller = Controller(believed, reference, options)
-    rows: dict[str, list[Any]] = {name: [] for name in _COLUMNS}
+    # On this thread alone: whoever wants more cores runs more runs.
+    recorder = Recorder(scene, Batch(build_touch_model(scene), BATCH, 1))
     planned = max(reference.duration, options.tick)
     failure: str | None = None
 
     def as_trace(failure: str | None) -> Trace:
-        # Cut short in the middle of a sample, some columns are one longer than others.
-        count = min(map(len, rows.values()))
-        columns = {name: np.array(values[:count]) for name, values in rows.items()}
-        columns["object_pose_reference"] = as_pose7(columns["object_pose_reference"])
+        columns = recorder.as_columns()
         columns["initial_state"] = initial_state
         columns["physics_steps_per_sample"] = np.array(steps)
         made_by = {"versions": describe_versions(*PACKAGES), "machine": describe_machine()}
@@ -76,11 +73,7 @@ def rollout(
         for _ in range(int(3.0 * planned / options.tick) + 500):
             command = controller.step(_observe(scene, data))
             data.ctrl[:] = command.ctrl
-            mujoco.mj_getState(model, data, state, STATE)
-            mujoco.mj_setState(model, probe, state, STATE)
-            probe.ctrl[:] = command.ctrl
-            mujoco.mj_forward(model, probe)
-            _record(rows, scene, data, command, read_touches(scene, probe))
+            recorder.keep(data, command)
             failure = command.failure or _find_failure(scene, data, command.X_WO_ref)
             if command.is_done or failure:
                 break
@@ -88,7 +81,7 @@ def rollout(
             if progress is not None:
                 progress(min(1.0, data.time / planned))
     except BaseException as error:
-        if rows["ik_at_limit"]:
+        if recorder.count:
             what = "interrupted" if isinstance(error, KeyboardInterrupt) else type(error).__name__
             error.trace = as_trace(f"cut short: {what}")  # type: ignore[attr-defined]
         raise
@@ -97,26 +90,6 @@ def rollout(
 
 FALLEN = 0.05
 """An object so far under its reference [m] was dropped."""
-_COLUMNS = (
-    "time",
-    "qpos",
-    "qvel",
-    "ctrl",
-    "object_pose_reference",
-    "action_index",
-    "phase_index",
-    "contact_active",
-    "contact_point_O",
-    "contact_rotation_O",
-    "contact_force",
-    "contact_force_reference",
-    "contact_slip_velocity",
-    "tip_contact_angle",
-    "qp_status",
-    "qp_wrench_residual",
-    "tip_tracking_error",
-    "ik_at_limit",
-)
 
 
 def _set_start(
@@ -184,41 +157,6 @@ def _observe(scene: Scene, data: mujoco.MjData) -> Observation:
                 touched.add(b if a == scene.object_geom else a)
     touching = np.array([tip in touched for tip in scene.tip_geoms.tolist()])
     return Observation(data.time, data.qpos[scene.joint_qpos], data.qvel[scene.joint_dof], X_WO, touching)
-
-
-def _record(
-    rows: dict[str, list[Any]], scene: Scene, data: mujoco.MjData, command: Command, touches: Touches
-) -> None:
-    reference = np.full((scene.n_fingers, 4), np.nan)
-    flat = np.empty(9)
-    mujoco.mju_quat2Mat(flat, data.qpos[scene.object_qpos + 3 : scene.object_qpos + 7])
-    R_WO = flat.reshape(3, 3)
-    for i in np.flatnonzero(touches.active):
-        R_WC = R_WO @ touches.rotation_O[i]
-        reference[i, :3] = R_WC.T @ command.forces_W[i, :3]
-        reference[i, 3] = command.forces_W[i, 3]
-    values = {
-        "time": data.time,
-        "qpos": data.qpos.copy(),
-        "qvel": data.qvel.copy(),
-        "ctrl": command.ctrl,
-        "object_pose_reference": command.X_WO_ref,
-        "action_index": command.action_index,
-        "phase_index": command.phase_index,
-        "contact_active": touches.active,
-        "contact_point_O": touches.point_O,
-        "contact_rotation_O": touches.rotation_O,
-        "contact_force": touches.force,
-        "contact_force_reference": reference,
-        "contact_slip_velocity": touches.slip_velocity,
-        "tip_contact_angle": touches.pole_angle,
-        "qp_status": 0 if command.qp is None or command.qp.is_solved else 1,
-        "qp_wrench_residual": 0.0 if command.qp is None else float(np.abs(command.qp.wrench_residual).max()),
-        "tip_tracking_error": command.tip_error,
-        "ik_at_limit": command.ik_at_limit,
-    }
-    for name, value in values.items():
-        rows[name].append(value)
 
 
 def _find_failure(scene: Scene, data: mujoco.MjData, X_WO_ref: Array) -> str | None:
