@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
+import mink
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,7 @@ class MeasuredHand:
 
     def __init__(self, body: HandBody) -> None:
         self._model, self._joints, self._sites = body.model, body.joints, body.sites
-        self._data = data = mujoco.MjData(body.model)
+        self._data = data = mink.Configuration(body.model).data
         count, (nv,) = len(body.sites), data.qvel.shape
         self.qpos, self._qvel = data.qpos, data.qvel
         self._site_xmat, self._site_xpos = data.site_xmat, data.site_xpos
