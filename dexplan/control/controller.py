@@ -71,7 +71,12 @@ class Controller:
         self._forces = ForceControl(scene, self._measured, reference, options)
         self._gain = np.stack([f.servo_gain for f in scene.fingers])
         self._damping = np.stack([f.servo_damping for f in scene.fingers])
-        self._qdot, self._settling = np.zeros(body.joints.shape), REFRESH
+        self.restart()
+
+    def restart(self) -> None:
+        """Be as before the first tick: what was made for this hand and reference stays, nothing else."""
+        self._forces.restart()
+        self._qdot, self._settling = np.zeros(self._gain.shape), REFRESH
         self._phase, self._phase_start = -1, 0.0
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
         self._adopted: frozenset[int] = frozenset()

@@ -71,9 +71,15 @@ class ForceControl:
         )
         self._solvers: dict[tuple[int, ...], ForceSolver] = {}
         self._rows: dict[tuple[int, ...], NDArray[np.intp]] = {}
-        self._maps: _GraspMaps | None = None
         self._limits: tuple[object, ForceLimits] | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Be as before the first tick."""
+        self._maps: _GraspMaps | None = None
         self._ticks = 0
+        for solver in self._solvers.values():
+            solver.forget()
 
     def compute_push(
         self, observation: Observation, phase: Phase, t: float, acceleration: Array, carried: Array

@@ -53,10 +53,10 @@ def rollout(
         )
     data = mujoco.MjData(model)
     X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
-    _set_start(scene, believed, reference, options, X_WO, data)
+    controller = Controller(believed, reference, options)
+    _set_start(scene, believed, reference, controller, X_WO, data)
     initial_state = np.zeros(mujoco.mj_stateSize(model, STATE))
     mujoco.mj_getState(model, data, initial_state, STATE)
-    controller = Controller(believed, reference, options)
     # On this thread alone: whoever wants more cores runs more runs.
     recorder = Recorder(scene, Batch(build_touch_model(scene), BATCH, 1))
     planned = max(reference.duration, options.tick)
@@ -96,7 +96,7 @@ def _set_start(
     scene: Scene,
     believed: Scene,
     reference: Reference,
-    options: ControlOptions,
+    controller: Controller,
     X_WO: Array,
     data: mujoco.MjData,
 ) -> None:
@@ -104,13 +104,15 @@ def _set_start(
 
     The world starts at rest; a tip that starts too shallow would fall into the object and drag it along.  Contacts are stated by
     direction: where the true object or tips have another size than the ``believed`` ones, the tips touch the true object.
+    ``controller`` is asked for its first command, again and again, and left as new.
     """
     touching = [i for i, start in enumerate(reference.start) if start is not None]
     depth = np.full(scene.n_fingers, START_DEPTH)
     for _ in range(4):
         data.qpos[:] = scene.as_qpos(_start_posture(scene, believed, reference, X_WO, depth), X_WO)
         mujoco.mj_forward(scene.model, data)
-        wanted = Controller(believed, reference, options).step(_observe(scene, data)).forces_W
+        wanted = controller.step(_observe(scene, data)).forces_W
+        controller.restart()
         surface_normals = {i: _inward_normal(scene, data, i) for i in touching}
         for i in touching:
             static = compute_static_normal_force(scene, data, i)
