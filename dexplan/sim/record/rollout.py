@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -19,7 +20,7 @@ from dexplan.scene.touch import build_touch_model, compute_static_normal_force
 from dexplan.sim.machine import describe_machine, describe_versions
 from dexplan.sim.record.recorder import BATCH, STATE, Recorder
 from dexplan.sim.trace import Trace
-from dexplan.spatial import Array, make_pose
+from dexplan.spatial import Array
 
 START_DEPTH = 5e-5
 """How deep the tips stand in the object at the start [m]: about what their first newtons make of a touch."""
@@ -54,6 +55,7 @@ def rollout(
     data = mujoco.MjData(model)
     X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
     controller = Controller(believed, reference, options)
+    senses = _Senses(scene, data)
     _set_start(scene, believed, reference, controller, X_WO, data)
     initial_state = np.zeros(mujoco.mj_stateSize(model, STATE))
     mujoco.mj_getState(model, data, initial_state, STATE)
@@ -71,7 +73,7 @@ def rollout(
 
     try:
         for _ in range(int(3.0 * planned / options.tick) + 500):
-            command = controller.step(_observe(scene, data))
+            command = controller.step(senses.observe())
             data.ctrl[:] = command.ctrl
             recorder.keep(data, command)
             failure = command.failure or _find_failure(scene, data, command.X_WO_ref)
@@ -108,10 +110,11 @@ def _set_start(
     """
     touching = [i for i, start in enumerate(reference.start) if start is not None]
     depth = np.full(scene.n_fingers, START_DEPTH)
+    senses = _Senses(scene, data)
     for _ in range(4):
         data.qpos[:] = scene.as_qpos(_start_posture(scene, believed, reference, X_WO, depth), X_WO)
         mujoco.mj_forward(scene.model, data)
-        wanted = controller.step(_observe(scene, data)).forces_W
+        wanted = controller.step(senses.observe()).forces_W
         controller.restart()
         surface_normals = {i: _inward_normal(scene, data, i) for i in touching}
         for i in touching:
@@ -146,25 +149,40 @@ def _start_posture(scene: Scene, believed: Scene, reference: Reference, X_WO: Ar
     return np.stack(posture)
 
 
-def _observe(scene: Scene, data: mujoco.MjData) -> Observation:
-    # The free joint's qpos, not xpos: derived quantities of the last sub-step are one step old.
-    address = scene.object_qpos
-    R = np.empty(9)
-    mujoco.mju_quat2Mat(R, data.qpos[address + 3 : address + 7])
-    X_WO = make_pose(R.reshape(3, 3), data.qpos[address : address + 3])
-    touched: set[int] = set()
-    if data.ncon:
-        for (a, b), distance in zip(data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True):
-            if distance < 0.0 and scene.object_geom in (a, b):
-                touched.add(b if a == scene.object_geom else a)
-    touching = np.array([tip in touched for tip in scene.tip_geoms.tolist()])
-    return Observation(data.time, data.qpos[scene.joint_qpos], data.qvel[scene.joint_dof], X_WO, touching)
+class _Senses:
+    """Reads from the simulator what a robot's senses would tell."""
+
+    def __init__(self, scene: Scene, data: mujoco.MjData) -> None:
+        self._scene, self._data = scene, data
+        # The free joint's qpos, not xpos: derived quantities of the last sub-step are one step old.
+        address = scene.object_qpos
+        self._qpos, self._qvel, self._contacts = data.qpos, data.qvel, data.contact
+        self._p_WO, self._quat = data.qpos[address : address + 3], data.qpos[address + 3 : address + 7]
+        self._flat = np.empty(9)
+        self._R_WO = self._flat.reshape(3, 3)
+        self._tips = scene.tip_geoms.tolist()
+
+    def observe(self) -> Observation:
+        """Return what is sensed now."""
+        scene, data, ball = self._scene, self._data, self._scene.object_geom
+        X_WO = np.eye(4)
+        mujoco.mju_quat2Mat(self._flat, self._quat)
+        X_WO[:3, :3], X_WO[:3, 3] = self._R_WO, self._p_WO
+        touched: set[int] = set()
+        if data.ncon:
+            for (a, b), distance in zip(
+                self._contacts.geom.tolist(), self._contacts.dist.tolist(), strict=True
+            ):
+                if distance < 0.0 and (a == ball or b == ball):
+                    touched.add(b if a == ball else a)
+        touching = np.array([tip in touched for tip in self._tips])
+        q, qdot = self._qpos[scene.joint_qpos], self._qvel[scene.joint_dof]
+        return Observation(data.time, q, qdot, X_WO, touching)
 
 
 def _find_failure(scene: Scene, data: mujoco.MjData, X_WO_ref: Array) -> str | None:
-    height = data.qpos[scene.object_qpos + 2]
-    if not np.isfinite(data.qpos).all():
+    if not math.isfinite(data.qpos.sum()):
         return "the simulation diverged"
-    if height < X_WO_ref[2, 3] - FALLEN:
+    if data.qpos[scene.object_qpos + 2] < X_WO_ref[2, 3] - FALLEN:
         return "the object was dropped"
     return None
