@@ -24,7 +24,7 @@ from dexplan.control.rolling import RollOffset
 from dexplan.control.way import FreeWay
 from dexplan.grasp.force.solver import ForceSolution
 from dexplan.scene.scene import Scene
-from dexplan.spatial import Array, invert_pose, rotation_matrix, rotation_vector
+from dexplan.spatial import Array, invert_pose, rotation_matrix, rotation_vector, scale_rotations
 
 ACCELERATION_LIMIT = 15.0
 """Commanded joint accelerations beyond this [rad/s^2] are jumps, not motion, and get no torque of their own."""
@@ -194,15 +194,16 @@ class Controller:
         share = self._tick / self._options.relaxation
         X_OF = invert_pose(observation.X_WO) @ self._measured.X_WF
         s = phase.object_path.progress(t)[0] if phase.rolls else 1.0
-        carried = self._carried
-        turned = X_OF[:, :3, :3] @ carried[:, :3, :3].swapaxes(1, 2)
-        for i in phase.holding:
-            if i in phase.rolls and s < 1.0:
-                self._offsets[i] = self._offsets[i].relaxed(phase.rolls[i], s, X_OF[i], share)
-                continue
-            p, R = carried[i, :3, 3], carried[i, :3, :3]
-            p += share * (X_OF[i, :3, 3] - p)
-            R[:] = rotation_matrix(share * rotation_vector(turned[i])) @ R
+        rolling = [i for i in phase.holding if i in phase.rolls] if s < 1.0 else []
+        for i in rolling:
+            self._offsets[i] = self._offsets[i].relaxed(phase.rolls[i], s, X_OF[i], share)
+        rows = [i for i in phase.holding if i not in rolling]
+        if rows:
+            held, found = self._carried[rows], X_OF[rows]
+            R = held[:, :3, :3]
+            held[:, :3, 3] += share * (found[:, :3, 3] - held[:, :3, 3])
+            held[:, :3, :3] = scale_rotations(found[:, :3, :3] @ R.swapaxes(1, 2), share) @ R
+            self._carried[rows] = held
 
     def _aim(self, phase: Phase, t: float, time: float, X_WO_aim: Array) -> None:
         """Aim every fingertip for the end of this tick."""

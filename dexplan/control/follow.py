@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import daqp  # type: ignore[import-not-found]
@@ -46,7 +45,8 @@ class PostureFollower:
         self._joints, self._tick = body.joints, tick
         self._configuration = mink.Configuration(body.model)
         self._qpos = self._configuration.data.qpos
-        self._tasks = [FingertipTask(body.sites, body.model.nv)]
+        self._task = FingertipTask(body.sites, body.model.nv)
+        self._tasks = [self._task]
         self._lower, self._upper = np.empty(body.model.nq), np.empty(body.model.nq)
         self._lower[body.joints], self._upper[body.joints] = body.lower, body.upper
         self._limits = [JointLimit(self._lower, self._upper, joint_speed)]
@@ -65,13 +65,12 @@ class PostureFollower:
 
     def follow(self, targets: Array) -> Step:
         """Move the posture towards tip poses ``targets`` (F, 4, 4), as far as one tick allows.  Without an answer it stays."""
-        (task,), configuration = self._tasks, self._configuration
+        task, configuration = self._task, self._configuration
         task.set_targets(targets)
         program = mink.build_ik(configuration, self._tasks, self._tick, DAMPING, self._limits)
         step, _, flag, _ = daqp.solve(program.P, program.q, program.G, program.h, self._below, self._sense)
         velocity = step / self._tick if flag > 0 else self._nowhere
         configuration.integrate_inplace(velocity, self._tick)
-        error = task.compute_error(configuration).reshape(-1, 6)[:, :3]
-        far = math.sqrt((error * error).sum(axis=1).max())
+        far = task.compute_distance(configuration)
         room = min((self._qpos - self._lower).min(), (self._upper - self._qpos).min())
         return Step(velocity[self._joints], far, bool(room < NEAR_LIMIT))

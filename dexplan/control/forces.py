@@ -61,6 +61,7 @@ class ForceControl:
         self._shape = scene.joint_qpos.shape
         self._torque = np.stack([f.torque_limit for f in scene.fingers])
         self._friction = SoftFinger(options.sliding, options.torsional).scaled(CONE_SHARE)
+        self._none = np.full((self._shape[0], 4), np.nan)
         self._normal_force = reference.normal_force
         self._floor, self._ceiling = (
             planned if asked is None else asked
@@ -88,10 +89,10 @@ class ForceControl:
 
         ``acceleration`` (6,) of the object in world axes; ``carried`` (F, 4, 4) the tip poses in the object that fingers hold at.
         """
-        forces_W, torque = np.full((self._shape[0], 4), np.nan), np.zeros(self._shape)
+        forces_W = self._none.copy()
         holding = phase.holding
         if len(holding) < 2:
-            return Push(forces_W, torque, None)
+            return Push(forces_W, np.zeros(self._shape), None)
         solver, rows = self._find_solver(holding), self._rows[holding]
         share = (phase.load_start + (phase.load_end - phase.load_start) * smooth_step(t / phase.duration))[
             rows
@@ -105,14 +106,12 @@ class ForceControl:
         limits = self._limit_forces(holding, tuple(share.tolist()))
         answer = solver.solve(maps.G, wrench, limits, share * self._normal_force, maps.torques, bias)
         forces = answer.forces if answer.is_solved else np.nan_to_num(answer.forces)
-        # All holding fingers at once: force and normal in the world, and the arm from the tip's centre to the contact.
-        f_W = R_WO @ (maps.frames @ forces[:, :3, None])
-        n_W = R_WO @ maps.frames[:, :, 2:]
-        arm = p_WO + (R_WO @ maps.points[:, :, None])[..., 0] - self._hand.X_WF[rows, :3, 3]
-        J = self._hand.J[rows]
-        forces_W[rows, :3], forces_W[rows, 3] = f_W[..., 0], forces[:, 3]
-        moment = _cross_rows(arm, f_W[..., 0]) + forces[:, 3:] * n_W[..., 0]
-        torque[rows] = (f_W.swapaxes(1, 2) @ J[:, :3] + moment[:, None, :] @ J[:, 3:])[:, 0]
+        R_WC = R_WO @ maps.frames
+        f_W = (R_WC @ forces[:, :3, None])[..., 0]
+        forces_W[rows, :3], forces_W[rows, 3] = f_W, forces[:, 3]
+        torque = self._hand.compute_push_torque(
+            holding, f_W, forces[:, 3:] * R_WC[:, :, 2], maps.points @ R_WO.T + p_WO
+        )
         return Push(forces_W, torque, answer)
 
     def _find_solver(self, holding: tuple[int, ...]) -> ForceSolver:
@@ -146,10 +145,12 @@ class ForceControl:
             for k, i in enumerate(holding):
                 p_OC = surface.radial(carried[i, :3, 3])
                 p_OF = R_OW @ (self._hand.X_WF[i, :3, 3] - observation.X_WO[:3, 3])
-                J = self._hand.J[i]
+                J = self._hand.compute_jacobian(i)
                 columns, torques[k] = map_contact(np.vstack([R_OW @ J[:3], R_OW @ J[3:]]), p_OC, p_OC - p_OF)
                 G[:, 4 * k : 4 * k + 4] = columns
                 points[k], frames[k] = p_OC, columns[:3, :3]
+            for frozen in (G, torques):
+                frozen.setflags(write=False)  # so that nobody has to copy them
             self._maps = maps = _GraspMaps(phase, G, torques, points, frames)
         self._ticks += 1
         return maps
@@ -162,9 +163,3 @@ class ForceControl:
             floor, ceiling = loads * self._floor, loads * self._ceiling + 1e-9
             self._limits = (key, ForceLimits(floor, ceiling, -reach, reach))
         return self._limits[1]
-
-
-def _cross_rows(a: Array, b: Array) -> Array:
-    """Return the cross products of the rows of ``a`` and ``b`` (K, 3); for a few rows faster than numpy's."""
-    rows = zip(a.tolist(), b.tolist(), strict=True)
-    return np.array([[y * w - z * v, z * u - x * w, x * v - y * u] for (x, y, z), (u, v, w) in rows])

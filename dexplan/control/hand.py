@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -50,8 +51,7 @@ def build_hand_body(scene: Scene) -> HandBody:
 class MeasuredHand:
     """What the hand's model says at the measured posture; arrays are written anew by every :meth:`measure`.
 
-    ``X_WF`` (F, 4, 4) tip poses; ``J`` (F, 6, J) Jacobians of the tips' centres in world axes, each for its own finger's joints;
-    ``bias`` (F, J) [N m] the torques that gravity and velocities ask for; ``qpos`` (nq,) the model's.
+    ``X_WF`` (F, 4, 4) tip poses; ``bias`` (F, J) [N m] torques that gravity and velocities ask for; ``qpos`` (nq,) the model's.
     """
 
     def __init__(self, body: HandBody) -> None:
@@ -62,11 +62,10 @@ class MeasuredHand:
         self._site_xmat, self._site_xpos = data.site_xmat, data.site_xpos
         self._flat_bias, self._flat, self._inertial = np.zeros(nv), np.zeros(nv), np.zeros(nv)
         self._damping = body.model.dof_damping[body.joints]
-        J = np.zeros((count, 6, nv))
-        self._J, self._rows = J, [(J[k, :3], J[k, 3:], site) for k, site in enumerate(body.sites)]
-        self._own = (np.arange(count)[:, None, None], np.arange(6)[None, :, None], body.joints[:, None, :])
+        self._tips = body.model.site_bodyid[body.sites].tolist()
+        self._J = np.zeros((6, nv))
         self.X_WF = np.tile(np.eye(4), (count, 1, 1))
-        self.J, self.bias = self._J[self._own], np.zeros(body.joints.shape)
+        self.bias = np.zeros(body.joints.shape)
 
     def measure(self, q: Array, qdot: Array) -> None:
         """Take over the posture and velocity (F, J) of the joints."""
@@ -79,9 +78,20 @@ class MeasuredHand:
         self.bias = self._flat_bias[self._joints]
         self.X_WF[:, :3, :3] = self._site_xmat[self._sites].reshape(-1, 3, 3)
         self.X_WF[:, :3, 3] = self._site_xpos[self._sites]
-        for linear, angular, site in self._rows:
-            mujoco.mj_jacSite(model, data, linear, angular, site)
-        self.J = self._J[self._own]
+
+    def compute_jacobian(self, finger: int) -> Array:
+        """Return the Jacobian (6, J) of the finger's tip's centre in world axes, for its own joints."""
+        mujoco.mj_jacSite(self._model, self._data, self._J[:3], self._J[3:], self._sites[finger])
+        return self._J[:, self._joints[finger]]
+
+    def compute_push_torque(self, rows: Sequence[int], forces: Array, moments: Array, points: Array) -> Array:
+        """Return the joint torques (F, J) [N m] with which the tips ``rows`` push with ``forces`` [N] at ``points`` [m] and twist
+        with ``moments`` [N m], one row (3,) each in world axes.
+        """
+        self._flat[:] = 0.0
+        for i, force, moment, point in zip(rows, forces, moments, points, strict=True):
+            mujoco.mj_applyFT(self._model, self._data, force, moment, point, self._tips[i], self._flat)
+        return self._flat[self._joints]
 
     def compute_motion_torque(self, qdot: Array, acceleration: Array) -> Array:
         """Return the joint torques (F, J) that a motion takes at this posture: its inertia and the joints' own damping."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mink
 import mujoco
 import numpy as np
@@ -53,6 +55,11 @@ class FingertipTask(mink.Task):
         np.subtract(flat[:, _POSITIVE], flat[:, _NEGATIVE], out=self._sines)
         np.multiply(self._sines, 0.5, out=error[:, 3:])
         return error.ravel()
+
+    def compute_distance(self, configuration: mink.Configuration) -> float:
+        """Return the largest distance [m] of a fingertip's centre from where it is aimed at."""
+        error = configuration.data.site_xpos[self._sites] - self._target_p
+        return math.sqrt((error * error).sum(axis=1).max())
 
     def compute_jacobian(self, configuration: mink.Configuration) -> Array:
         """Return the stacked tip Jacobians (6 F, nv) at the tips' centres, world axes."""

@@ -166,7 +166,7 @@ class ForceSolver:
         rows = self._rows
         rows.write(problem)
         if self._active_set is not None:
-            answer = self._active_set.solve(rows.D, rows.aim, rows.lower, rows.upper)
+            answer = self._active_set.solve(rows.D, rows.aim, rows.lower, rows.upper, rows.is_new)
             if answer is not None:
                 self._last = answer
                 return self._as_solution(answer.x, "solved", problem, (), "DAQP", answer.iterations)
