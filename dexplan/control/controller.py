@@ -192,17 +192,19 @@ class Controller:
     def _relax(self, observation: Observation, phase: Phase, t: float) -> None:
         """Let the poses at which the fingers hold follow the measured ones."""
         share = self._tick / self._options.relaxation
-        X_OF = invert_pose(observation.X_WO) @ self._measured.X_WF
+        X_WF, R_WO, p_WO = self._measured.X_WF, observation.X_WO[:3, :3], observation.X_WO[:3, 3]
         s = phase.object_path.progress(t)[0] if phase.rolls else 1.0
         rolling = [i for i in phase.holding if i in phase.rolls] if s < 1.0 else []
         for i in rolling:
-            self._offsets[i] = self._offsets[i].relaxed(phase.rolls[i], s, X_OF[i], share)
+            X_OF = invert_pose(observation.X_WO) @ X_WF[i]
+            self._offsets[i] = self._offsets[i].relaxed(phase.rolls[i], s, X_OF, share)
         rows = [i for i in phase.holding if i not in rolling]
         if rows:
-            held, found = self._carried[rows], X_OF[rows]
-            R = held[:, :3, :3]
-            held[:, :3, 3] += share * (found[:, :3, 3] - held[:, :3, 3])
-            held[:, :3, :3] = scale_rotations(found[:, :3, :3] @ R.swapaxes(1, 2), share) @ R
+            held = self._carried[rows]
+            R, p = held[:, :3, :3], held[:, :3, 3]
+            turned = R_WO.T @ X_WF[rows, :3, :3] @ R.swapaxes(1, 2)
+            p += share * ((X_WF[rows, :3, 3] - p_WO) @ R_WO - p)
+            R[:] = scale_rotations(turned, share) @ R
             self._carried[rows] = held
 
     def _aim(self, phase: Phase, t: float, time: float, X_WO_aim: Array) -> None:

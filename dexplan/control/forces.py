@@ -94,9 +94,9 @@ class ForceControl:
         if len(holding) < 2:
             return Push(forces_W, np.zeros(self._shape), None)
         solver, rows = self._find_solver(holding), self._rows[holding]
-        share = (phase.load_start + (phase.load_end - phase.load_start) * smooth_step(t / phase.duration))[
-            rows
-        ]
+        share = phase.load_start[rows]
+        if phase.load_end is not phase.load_start:
+            share += (phase.load_end[rows] - share) * smooth_step(t / phase.duration)
         R_WO, p_WO = observation.X_WO[:3, :3], observation.X_WO[:3, 3]
         maps = self._map_grasp(observation, phase, carried)
         wrench = np.empty(6)
