@@ -96,7 +96,9 @@ def _compute_residuals(answers: list[ForceSolution | None]) -> Array:
     for rows in by_size.values():
         asked = [answer for k in rows if (answer := answers[k]) is not None]
         G = np.array([answer.problem.G for answer in asked])
-        f = np.array([answer.problem.stack(answer.forces) for answer in asked])
+        # Forces are padded to four components; of the first problem the others have the sizes.
+        padded = [4 * i + k for i, model in enumerate(asked[0].models) for k in range(model.dimension)]
+        f = np.array([answer.forces for answer in asked]).reshape(len(asked), -1)[:, padded]
         wrench = np.array([answer.problem.wrench for answer in asked])
         out[rows] = np.abs((G @ f[..., None])[..., 0] - wrench).max(axis=1)
     return out
