@@ -1,4 +1,4 @@
-"""The usual answer to compare with, sampling MPC on the same model and goal: cross-entropy over joint targets by mujoco.rollout."""
+"""The usual answer to compare with: sampling MPC on the same model and goal (cross-entropy over joint targets)."""
 
 from __future__ import annotations
 

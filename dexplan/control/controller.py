@@ -200,10 +200,10 @@ class Controller:
             self._offsets[i] = self._offsets[i].relaxed(phase.rolls[i], s, X_OF, share)
         rows = [i for i in phase.holding if i not in rolling]
         if rows:
-            held = self._carried[rows]
+            held, found = self._carried.take(rows, axis=0), X_WF.take(rows, axis=0)
             R, p = held[:, :3, :3], held[:, :3, 3]
-            turned = R_WO.T @ X_WF[rows, :3, :3] @ R.swapaxes(1, 2)
-            p += share * ((X_WF[rows, :3, 3] - p_WO) @ R_WO - p)
+            turned = np.matmul(R_WO.T @ found[:, :3, :3], R.swapaxes(1, 2))
+            p += share * ((found[:, :3, 3] - p_WO) @ R_WO - p)
             R[:] = scale_rotations(turned, share) @ R
             self._carried[rows] = held
 

@@ -58,8 +58,8 @@ class FingertipTask(mink.Task):
 
     def compute_distance(self, configuration: mink.Configuration) -> float:
         """Return the largest distance [m] of a fingertip's centre from where it is aimed at."""
-        error = configuration.data.site_xpos[self._sites] - self._target_p
-        return math.sqrt((error * error).sum(axis=1).max())
+        found = configuration.data.site_xpos.take(self._sites, axis=0).tolist()
+        return max(map(math.dist, found, self._target_p.tolist()))
 
     def compute_jacobian(self, configuration: mink.Configuration) -> Array:
         """Return the stacked tip Jacobians (6 F, nv) at the tips' centres, world axes."""

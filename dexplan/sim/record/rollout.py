@@ -158,14 +158,14 @@ class _Senses:
         address = scene.object_qpos
         self._qpos, self._qvel, self._contacts = data.qpos, data.qvel, data.contact
         self._p_WO, self._quat = data.qpos[address : address + 3], data.qpos[address + 3 : address + 7]
-        self._flat = np.empty(9)
+        self._flat, self._eye = np.empty(9), np.eye(4)
         self._R_WO = self._flat.reshape(3, 3)
         self._tips = scene.tip_geoms.tolist()
 
     def observe(self) -> Observation:
         """Return what is sensed now."""
         scene, data, ball = self._scene, self._data, self._scene.object_geom
-        X_WO = np.eye(4)
+        X_WO = self._eye.copy()
         mujoco.mju_quat2Mat(self._flat, self._quat)
         X_WO[:3, :3], X_WO[:3, 3] = self._R_WO, self._p_WO
         touched: set[int] = set()
