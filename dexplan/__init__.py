@@ -9,9 +9,11 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
+from dexplan.moved import keep_old_names
+
 if TYPE_CHECKING:
     from dexplan.pipeline import plan, render, rollout, validate
-    from dexplan.plan.plan import Plan
+    from dexplan.plans.plan import Plan
     from dexplan.problems.problem import Problem
     from dexplan.problems.read import load_problem
     from dexplan.scene.library import load_scene
@@ -35,7 +37,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Plan": "dexplan.plan.plan",
+    "Plan": "dexplan.plans.plan",
     "Problem": "dexplan.problems.problem",
     "Trace": "dexplan.sim.trace",
     "ValidationReport": "dexplan.sim.judge.validate",
@@ -66,3 +68,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+keep_old_names()

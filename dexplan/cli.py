@@ -49,6 +49,7 @@ class List:
     """List the built-in problems and scenes, one line each."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.list_everything()
 
 
@@ -64,6 +65,7 @@ class Inspect:
     """Folder for the files."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.inspect(self.problem, self.sets, self.out)
 
 
@@ -79,6 +81,7 @@ class Plan:
     """Folder for the files."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.plan(self.problem, self.sets, self.out)
 
 
@@ -98,6 +101,7 @@ class Run:
     """Replace the problem's seed."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.run(self.problem, self.sets, self.out, self.video, self.seed)
 
 
@@ -109,6 +113,7 @@ class Validate:
     """A folder written by `dexplan run`."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.validate(self.folder)
 
 
@@ -120,6 +125,7 @@ class Render:
     """A folder written by `dexplan run`."""
 
     def run(self) -> int:
+        """Do it; return the exit code."""
         return commands.render(self.folder)
 
 

@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 
 from dexplan.contact.friction import SoftFinger
-from dexplan.control.options import ControlOptions
+from dexplan.control.options import ControlOptions, compute_torque_fraction
 from dexplan.control.rate import choose_rate
 from dexplan.control.reference import Timing, build_reference
 from dexplan.control.speed import compute_speed
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.kinematics.workspace import load_workspace
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
-from dexplan.planning.admissible.hand import AdmissibleLimits, HandModel
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.admissible.limits import AdmissibleLimits
 from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.planning.gait.cost import CostWeights, Improvement
 from dexplan.planning.tasks.blocked import explain_obstruction
@@ -28,6 +27,9 @@ from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
 from dexplan.planning.tasks.object_manipulation import refuse
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
+from dexplan.plans.forces import NormalForces
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.run_folder import save_problem, write_whole
@@ -74,7 +76,7 @@ def build_hand(problem: Problem, scene: Scene) -> HandModel:
         workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
         friction=build_friction(problem).scaled(squeeze.friction_share),
         probe=HandProbe(scene),
-        limits=AdmissibleLimits(normal_floor=squeeze.floor, normal_ceiling=squeeze.ceiling),
+        limits=build_limits(problem, squeeze),
         normal_force=squeeze.normal,
         hover=timing.hover,
         acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
@@ -92,7 +94,25 @@ def build_squeeze(problem: Problem, scene: Scene) -> Squeeze:
     """Return how hard the fingers of ``scene`` squeeze the object of ``problem``."""
     friction = build_friction(problem)
     bearable, greatest = (compute_force_at(scene, depth) for depth in (DEPTH, DEPTH_CEILING))
-    return choose_squeeze(scene.object.mass, friction, bearable, greatest)
+    asked = problem.forces
+    forces = NormalForces(asked.normal_N, asked.normal_floor_N, asked.normal_ceiling_N)
+    return choose_squeeze(scene.object.mass, friction, bearable, greatest, forces)
+
+
+def build_limits(problem: Problem, squeeze: Squeeze) -> AdmissibleLimits:
+    """Return what states must leave to spare: the margins that ``problem`` asks for, and the normal forces of its squeeze."""
+    margins = problem.margins
+    joint = float(np.radians(margins.joint_deg))
+    return AdmissibleLimits(
+        joint_margin=joint,
+        # A free finger ends its way where it is to hold, so it cannot be asked for more than holding fingers are.
+        travel_margin=min(AdmissibleLimits.travel_margin, joint),
+        cone_share=margins.cone_share,
+        torque_share=margins.torque_share,
+        clearance=1e-3 * margins.clearance_mm,
+        normal_floor=squeeze.floor,
+        normal_ceiling=squeeze.ceiling,
+    )
 
 
 def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
@@ -217,7 +237,11 @@ def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     asked = problem.control.rate_hz
     rate = choose_rate(room, scene.model.opt.timestep) if asked == "auto" else float(asked)
     options = ControlOptions(
-        friction.sliding, friction.torsional, force_solver=problem.control.force_solver, rate=rate
+        friction.sliding,
+        friction.torsional,
+        torque_fraction=compute_torque_fraction(problem.margins.torque_share),
+        force_solver=problem.control.force_solver,
+        rate=rate,
     )
     return replace(options, **changes)
 

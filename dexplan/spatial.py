@@ -36,6 +36,33 @@ def read_only(values: ArrayLike) -> Array:
     return array
 
 
+def lock_arrays(self: object) -> None:
+    """Replace every array of a frozen dataclass that can be written by a copy that cannot; in tuples and dicts of arrays, too.
+
+    Use: ``__post_init__`` of the class calls it.  Who makes many values of one stack locks the stack first: its rows are
+    taken as they are.
+    """
+    held = vars(self)
+    for name, value in held.items():
+        if isinstance(value, np.ndarray):
+            if value.flags.writeable:
+                held[name] = _lock(value)
+        elif isinstance(value, tuple):
+            if any(isinstance(item, np.ndarray) for item in value):
+                held[name] = tuple(_lock(item) for item in value)
+        elif isinstance(value, dict) and any(isinstance(item, np.ndarray) for item in value.values()):
+            held[name] = {key: _lock(item) for key, item in value.items()}
+
+
+def _lock(value: object) -> object:
+    """Return a copy of an array that cannot be written; anything else, and an array that is locked already, as it is."""
+    if not isinstance(value, np.ndarray) or not value.flags.writeable:
+        return value
+    array = value.copy()
+    array.setflags(write=False)
+    return array
+
+
 def hat(w: Array) -> Array:
     """Return the skew-symmetric matrices (..., 3, 3) with ``hat(w) @ x == cross(w, x)`` for w (..., 3)."""
     w = np.asarray(w, dtype=np.float64)
@@ -97,7 +124,8 @@ def as_pose7(X: Array) -> Array:
 def rotate_about(axis: ArrayLike, angle: ArrayLike) -> Array:
     """Return the rotation matrices (..., 3, 3) about the unit ``axis`` (3,) by ``angle`` (...) [rad]."""
     rotvec = np.asarray(angle, dtype=np.float64)[..., None] * np.asarray(axis, dtype=np.float64)
-    return Rotation.from_rotvec(rotvec).as_matrix()
+    R: Array = Rotation.from_rotvec(rotvec).as_matrix()
+    return R
 
 
 def rotation_vector(R: Array) -> Array:

@@ -14,9 +14,9 @@ from fake_run import make_pipeline
 
 import dexplan
 from dexplan import pipeline as verbs
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.regions import Regions, compute_regions
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 

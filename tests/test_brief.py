@@ -16,7 +16,7 @@ from dexplan.problems.read import list_problems, load_problem
 from dexplan.scene.library import load_scene
 from dexplan.sim.trace import Trace
 
-ROOMS = ("contact", "grasp", "kinematics", "plan", "scene", "control", "sim")
+ROOMS = ("contact", "grasp", "kinematics", "plans", "scene", "control", "sim")
 """Rooms whose values with arrays all have to be brief; of ``planning`` the ones that leave it are listed below."""
 PUBLIC = {
     "planning.admissible.hand": ("HandModel",),

@@ -6,110 +6,20 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from rooms import ROOMS, WITH_FLOORS
 
 PACKAGE = Path(__file__).resolve().parents[1] / "dexplan"
 LINE_LIMIT = 400
 BANNED_NAMES = {"utils", "util", "common", "helpers", "helper", "manager", "managers", "misc"}
 STEPPING_FILES = {"sim/record/rollout.py", "sim/judge/replay.py"}
-
-
-@dataclass(frozen=True)
-class Room:
-    """What one room may import: rooms of this package by their dotted names, and third-party packages.
-
-    A room named without a dot stands for all of its sub-rooms.
-    """
-
-    rooms: frozenset[str]
-    third_party: frozenset[str] = frozenset()
-
-
-def _room_of(names: str, third_party: str = "") -> Room:
-    return Room(frozenset(names.split()), frozenset(third_party.split()))
-
-
-GROUND = "errors spatial brief icosphere"
-MATH = "numpy scipy"
-ALL = (
-    f"{GROUND} contact grasp kinematics plan scene planning control sim models viz witness problems cli commands pipeline "
-    "run_folder terminal usage __init__"
-)
-KNOWN = f"{GROUND} contact grasp kinematics plan scene"
-ROOMS = {
-    # storey 0
-    "errors": _room_of(""),
-    "spatial": _room_of("errors", MATH),
-    "brief": _room_of("", MATH),
-    "icosphere": _room_of("brief spatial", MATH),
-    # storey 1
-    "contact": _room_of(f"{GROUND}", MATH),
-    "contact.surfaces": _room_of(f"{GROUND}", MATH),
-    "contact.kinematics": _room_of(f"{GROUND} contact contact.surfaces", MATH),
-    "contact.rolling": _room_of(f"{GROUND} contact contact.surfaces contact.kinematics", MATH),
-    "grasp": _room_of(f"{GROUND} contact", MATH),
-    "grasp.closed_forms": _room_of(f"{GROUND} contact grasp", MATH),
-    "grasp.force": _room_of(f"{GROUND} contact grasp", f"{MATH} osqp daqp"),
-    "kinematics": _room_of(f"{GROUND} contact", f"{MATH} platformdirs"),
-    # storey 2
-    "models": _room_of(""),
-    "plan": _room_of(f"{GROUND} contact grasp kinematics", MATH),
-    "scene": _room_of(f"{GROUND} contact grasp kinematics models", f"{MATH} mujoco dm_control"),
-    # storey 3
-    "planning": _room_of(KNOWN, MATH),
-    "planning.admissible": _room_of(KNOWN, MATH),
-    "planning.ways": _room_of(f"{KNOWN} planning.admissible", f"{MATH} ompl"),
-    "planning.regions": _room_of(f"{KNOWN} planning.admissible", MATH),
-    "planning.rolling": _room_of(f"{KNOWN} planning.admissible", MATH),
-    "planning.gait": _room_of(
-        f"{KNOWN} planning.admissible planning.ways planning.regions planning.rolling", MATH
-    ),
-    "planning.regrasp": _room_of(
-        f"{KNOWN} planning.admissible planning.ways planning.regions planning.rolling", MATH
-    ),
-    "planning.actions": _room_of(
-        f"{KNOWN} planning.admissible planning.ways planning.regions planning.rolling planning.gait planning.regrasp",
-        MATH,
-    ),
-    "planning.tasks": _room_of(f"{KNOWN} planning", MATH),
-    "control": _room_of(f"{KNOWN} planning.actions", f"{MATH} mujoco mink daqp"),
-    # storey 4
-    "sim": _room_of(GROUND, f"{MATH} mujoco"),
-    "sim.record": _room_of(f"{KNOWN} control sim", f"{MATH} mujoco"),
-    "sim.judge": _room_of(f"{GROUND} sim", f"{MATH} mujoco osqp"),
-    # storey 5
-    "viz": _room_of(ALL, f"{MATH} mujoco matplotlib mpl_toolkits jinja2 imageio_ffmpeg viser tqdm"),
-    "witness": _room_of(ALL, f"{MATH} mujoco matplotlib tqdm clarabel"),
-    "problems": _room_of(ALL, f"{MATH} msgspec tomli_w"),
-    "run_folder": _room_of(f"{GROUND} problems", "tomli_w"),
-    "terminal": _room_of(GROUND),
-    "usage": _room_of(GROUND, "tyro"),
-    "cli": _room_of(ALL, "tyro"),
-    "commands": _room_of(ALL, "tqdm"),
-    "pipeline": _room_of(ALL, f"{MATH} mujoco tqdm platformdirs"),
-    "__init__": _room_of(ALL),
-    "__main__": _room_of("cli"),
-}
-"""Every room, floor by floor: what stands below may not import what stands above."""
-WITH_FLOORS = {"contact", "grasp", "planning", "sim"}
-"""Rooms that have sub-rooms."""
 MOST_FLOORS = 5
 """Floors of rooms in ``planning`` at most."""
 KNOWN_CIRCLES: frozenset[frozenset[str]] = frozenset(
     {
-        frozenset({"plan/plan.py", "plan/words.py"}),
-        frozenset(
-            {
-                "problems/check.py",
-                "problems/derived.py",
-                "problems/override.py",
-                "problems/problem.py",
-                "problems/read.py",
-            }
-        ),
+        frozenset({"plans/plan.py", "plans/words.py"}),
     }
 )
 """Files that import one another.  This list only shrinks."""
@@ -178,6 +88,25 @@ def test_imports_stay_within_what_the_room_may_see(path: Path) -> None:
         if package != "dexplan" and package not in sys.stdlib_module_names | allowed.third_party:
             wrong.append(f"line {line}: {name}")
     assert not wrong, f"{_name(path)} may not import: {'; '.join(wrong)}"
+
+
+def _doors(room: str) -> set[str]:
+    """Return what the ``__init__`` of a room lets others import: the modules in its ``__all__``."""
+    text = (PACKAGE / room.replace(".", "/") / "__init__.py").read_text(encoding="utf-8")
+    assigned = (node for node in ast.parse(text).body if isinstance(node, ast.Assign))
+    return next(set(ast.literal_eval(n.value)) for n in assigned if ast.unparse(n.targets[0]) == "__all__")
+
+
+@pytest.mark.parametrize("path", FILES, ids=_name)
+def test_rooms_are_entered_by_their_doors(path: Path) -> None:
+    """What is not in the ``__all__`` of a room is nobody else's business."""
+    wrong = []
+    for target, line in _imported_files(path):
+        room = _room(target)
+        is_inside = _room(path) == room or target.parent == PACKAGE or target.name == "__init__.py"
+        if not is_inside and target.stem not in _doors(room):
+            wrong.append(f"line {line}: {_name(target)}")
+    assert not wrong, f"{_name(path)} goes through walls: {'; '.join(wrong)}"
 
 
 def _find_circles(arrows: dict[str, set[str]]) -> set[frozenset[str]]:
@@ -296,7 +225,7 @@ def _loaded_after(modules: list[str]) -> set[str]:
     return set(done.stdout.split())
 
 
-@pytest.mark.parametrize("room", ["contact", "grasp", "kinematics", "plan", "planning"])
+@pytest.mark.parametrize("room", ["contact", "grasp", "kinematics", "plans", "planning"])
 def test_theory_does_not_load_mujoco(room: str) -> None:
     files = [f for f in FILES if _room(f).split(".")[0] == room]
     modules = [".".join(["dexplan", *f.relative_to(PACKAGE).with_suffix("").parts]) for f in files]
@@ -316,3 +245,11 @@ def test_import_dexplan_is_light() -> None:
     }
     heavy = {"mujoco", "matplotlib", "dm_control", "mink"}
     assert not _loaded_after(["dexplan.cli", "dexplan.problems.read"]) & heavy
+
+
+def test_no_room_hides_a_public_name() -> None:
+    """A module ``dexplan.x``, once imported, replaces whatever else ``dexplan.x`` was: verbs are no names for rooms."""
+    modules = {path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in FILES}
+    import dexplan
+
+    assert not set(dexplan.__all__) & modules

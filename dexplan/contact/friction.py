@@ -83,7 +83,8 @@ class ContactModel(ABC):
         f = np.asarray(f, dtype=np.float64)
         if f.shape[-1] != self.dimension:
             raise ValueError(f"contact force has {f.shape[-1]} components; {self.dimension} are accepted")
-        return np.linalg.norm(f[..., _OTHERS[: self.dimension - 1]] / self.capacity, axis=-1)
+        needed: Array = np.linalg.norm(f[..., _OTHERS[: self.dimension - 1]] / self.capacity, axis=-1)
+        return needed
 
     def utilisation(self, f: ArrayLike) -> Array:
         """Return the used share (...) of the exact cone: 1 slides, inf is friction without pressure."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from dexplan.kinematics.chain import compute_tip_jacobian, solve_ik, wrap_near
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.plan.plan import Placement
-from dexplan.plan.roll import Roll
+from dexplan.plans.plan import Placement
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array, hat
 
 

@@ -7,6 +7,9 @@ from typing import Literal
 
 RATE = 250.0
 """Ticks per second, where nobody asks for others."""
+TORQUE_RESERVE = 0.07
+"""Share of the torque limits that the controller's forces may take beyond what plans keep to; more gives the force QP room where
+tips stand otherwise than planned, and leaves the servos less."""
 FORCE_SOLVERS = ("daqp", "osqp")
 """Who may solve for the contact forces."""
 
@@ -25,17 +28,18 @@ class ControlOptions:
     normal_ceiling: float | None = None
     """Least and greatest normal force of a loaded contact [N]; None: the plan's."""
     torque_fraction: float = 0.77
-    """Share of the torque limits that forces may take: plans keep to 0.70, and what the servos add has to stay below 0.8."""
+    """Share of the torque limits that forces may take: plans keep to 0.70, and what the servos add has to stay below 0.8 (see
+    :func:`compute_torque_fraction`)."""
     feedforward: float = 1.0
     object_feedback: float = 1.0
     object_gain: float = 2.0
     """Rate [1/s] at which the object's pose error moves the fingertips' targets."""
-    relaxation: float = 0.05
+    relaxation: float = 0.02
     """Time constant [s] in which a fingertip's carried pose follows the measured one, tick by tick: unwanted squeeze goes.
 
-    While load goes from finger to finger tips give way, and forces lag by what they give way in this time: at 0.15 s, five
-    ticks at a time, a landing finger bore 0.1 N less than it was told and was twisted by 0.7 mN m (7 g, tips of 7 mm); at
-    0.05 s, every tick, 0.04 N and 0.3 mN m."""
+    While load goes from finger to finger tips give way, and forces lag by what they give way in this time.  At 0.15 s, five
+    ticks at a time, a landing finger bore 0.10 N less than it was told and was twisted by 0.68 mN m (7 g, tips of 7 mm); at
+    0.05 s, every tick, 0.04 N and 0.30 mN m.  Elsewhere (4 g): 0.06 N and 0.84 mN m at 0.05 s, 0.03 N and 0.38 mN m at 0.02 s."""
     joint_speed: float = 8.0
     """Fastest joint motion that mink may ask for [rad/s]."""
     force_solver: Literal["daqp", "osqp"] = "daqp"
@@ -54,3 +58,9 @@ class ControlOptions:
             raise ValueError(f"rate is {self.rate}; a positive number of ticks per second is accepted")
         if self.force_solver not in FORCE_SOLVERS:
             raise ValueError(f"force solver {self.force_solver!r}; accepted: {' or '.join(FORCE_SOLVERS)}")
+
+
+def compute_torque_fraction(planned: float) -> float:
+    """Return the share of the torque limits that the controller's forces may take, where plans keep to the share ``planned``."""
+    # Rounded so that 0.70 gives 0.77 and no neighbour of it.
+    return min(1.0, round(planned + TORQUE_RESERVE, 12))

@@ -16,11 +16,12 @@ from dexplan.brief import brief_repr
 from dexplan.control.carry import follow_contacts
 from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Action, Placement, Plan
-from dexplan.plan.roll import Roll
-from dexplan.plan.speed import PACES
 from dexplan.planning.actions.overlap import TRAVEL, build_journey
+from dexplan.plans.forces import NormalForces
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Action, Placement, Plan
+from dexplan.plans.roll import Roll
+from dexplan.plans.speed import PACES
 from dexplan.spatial import Array, read_only, rotate_about, rotation_matrix
 
 BEND_LOOKS = 257
@@ -195,8 +196,8 @@ class Reference:
     start: tuple[tuple[Array, Array] | None, ...]
     normal_force: float
     timing: Timing
-    normal_floor: float = 4.0
-    normal_ceiling: float = 12.0
+    normal_floor: float = NormalForces.floor
+    normal_ceiling: float = NormalForces.ceiling
 
     __repr__ = brief_repr
 

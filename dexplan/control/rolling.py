@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dexplan.brief import brief_repr
-from dexplan.plan.roll import Roll
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dexplan.control.reference import Reference
-from dexplan.plan.speed import PACES, PlannedSpeed, SpeedLimit
+from dexplan.plans.speed import PACES, PlannedSpeed, SpeedLimit
 
 
 def compute_speed(reference: Reference) -> PlannedSpeed | None:

@@ -18,7 +18,7 @@ from dexplan.brief import brief_repr
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
 from dexplan.grasp.grasp import Grasp
 from dexplan.grasp.margin import build_margin_program, solve_exact_margin, solve_pyramid_margin
-from dexplan.spatial import Array, read_only
+from dexplan.spatial import Array, lock_arrays, read_only
 
 Method = Literal["cone", "polytope"]
 
@@ -45,6 +45,9 @@ class ClosureResult:
     strength: Literal["exact", "sufficient"] = "exact"
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def is_settled(self) -> bool:

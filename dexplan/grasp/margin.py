@@ -19,7 +19,7 @@ from scipy.optimize import linprog
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import NORMAL
 from dexplan.grasp.grasp import Grasp, compute_grasp_map
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 GAP = 1e-8
 """The exact margin is known to this much, in units of the mean normal force."""
@@ -43,6 +43,9 @@ class MarginProgram:
     rank: int
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     def attained(self, z: Array) -> float:
         """Return the least normal force to spare at z (K,), by the exact cones."""

@@ -181,7 +181,8 @@ def _support(normal: Array, shear: Array, directions: Array, rounding: float = 0
     """Return the support (...) in ``directions`` (..., 6), its kinks rounded off by hyperbolas of this radius."""
     friction = np.einsum("fij,...j->...fi", shear, directions)
     gain = directions @ normal.T + np.sqrt((friction * friction).sum(axis=-1) + rounding**2)
-    return 0.5 * (gain + np.sqrt(gain * gain + rounding**2)).sum(axis=-1)
+    support: Array = 0.5 * (gain + np.sqrt(gain * gain + rounding**2)).sum(axis=-1)
+    return support
 
 
 def _choose_lowest(directions: Array, values: Array, count: int) -> Array:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,8 +70,17 @@ class Chain:
         return float(np.sign(self.X_JF[:3, 2] @ self.axes[-1]))
 
 
-def _walk(chain: Chain, q: Array) -> tuple[Array, Array, Array, Array]:
-    """Return tip rotations (N, 3, 3), tip positions (N, 3), hinge axes (N, J, 3) and hinge positions (N, J, 3), in W."""
+class _Walk(NamedTuple):
+    """Tip rotations (N, 3, 3), tip positions (N, 3), hinge axes (N, J, 3) and hinge positions (N, J, 3), in W."""
+
+    R: Array
+    p: Array
+    axes: Array
+    origins: Array
+
+
+def _walk(chain: Chain, q: Array) -> _Walk:
+    """Return where tip and hinges are at joint angles ``q`` (N, J) [rad]."""
     n = len(q)
     # Of all rotations the rows, one under the other: plain products with constants instead of n small ones.
     R, p = np.tile(np.eye(3), (n, 1)), np.zeros((n, 3))
@@ -83,7 +93,7 @@ def _walk(chain: Chain, q: Array) -> tuple[Array, Array, Array, Array]:
         axes[:, j] = (turned[:, :3] @ chain.axes[j]).reshape(n, 3)
         R = turned[:, :3] + sine[:, j, None] * turned[:, 3:6] + rest[:, j, None] * turned[:, 6:]
     R3 = R.reshape(n, 3, 3)
-    return R3 @ chain.X_JF[:3, :3], p + R3 @ chain.X_JF[:3, 3], axes, origins
+    return _Walk(R3 @ chain.X_JF[:3, :3], p + R3 @ chain.X_JF[:3, 3], axes, origins)
 
 
 def compute_tip_pose(chain: Chain, q: ArrayLike) -> Array:
@@ -97,7 +107,7 @@ def compute_tip_pose(chain: Chain, q: ArrayLike) -> Array:
 
 def compute_hinge_positions(chain: Chain, q: Array) -> Array:
     """Return where the hinges are (N, J, 3) [m] in W at joint angles ``q`` (N, J) [rad]."""
-    return _walk(chain, q)[3]
+    return _walk(chain, q).origins
 
 
 def compute_tip_jacobian(chain: Chain, q: ArrayLike) -> Array:
@@ -164,7 +174,8 @@ def wrap_to_limits(chain: Chain, q: Array) -> Array:
 
 def compute_joint_margin(chain: Chain, q: Array) -> Array:
     """Return the smallest distance (...) [rad] of the joint angles ``q`` (..., J) to their limits; negative beyond them."""
-    return np.minimum(q - chain.lower, chain.upper - q).min(axis=-1)
+    margin: Array = np.minimum(q - chain.lower, chain.upper - q).min(axis=-1)
+    return margin
 
 
 def compute_dexterity(chain: Chain, q: Array) -> Array:

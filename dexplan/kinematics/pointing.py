@@ -7,6 +7,7 @@ fraction of the cost of full poses; fingers that differ only in where they stand
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,14 @@ def is_same_finger(one: Chain, other: Chain) -> bool:
     )
 
 
+class PointingAnswer(NamedTuple):
+    """Postures ``q`` (N, J) [rad], whether each is what was asked for (N,), and their dexterity (N,)."""
+
+    q: Array
+    is_reached: NDArray[np.bool_]
+    dexterity: Array
+
+
 def solve_pointing(
     chain: Chain,
     positions: Array,
@@ -51,8 +60,8 @@ def solve_pointing(
     iterations: int = 12,
     tolerance: float | Array = 1e-4,
     is_asked: NDArray[np.bool_] | None = None,
-) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Return postures (N, J) whose tips are at ``positions`` (N, 3) [m] with poles (N, 3), whether reached (N,), dexterity (N,).
+) -> PointingAnswer:
+    """Return postures whose tips are at ``positions`` (N, 3) [m] with ``poles`` (N, 3).
 
     Both in the frame of the chain's first joint.  For chains that :func:`can_point`: the spin is left as it comes out.  Newton
     steps from ``q_start`` (N, J), one more after the error (radians, and metres in units of ``LENGTH``) has fallen below
@@ -96,11 +105,19 @@ def solve_pointing(
         active = active[going]
         if not len(active):
             break
-    return q, reached, dexterity
+    return PointingAnswer(q, reached, dexterity)
 
 
-def _walk(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
-    """Return poles (N, 3), tip centres (N, 3) [m], in the base frame, and Jacobians (N, 6, J), lengths in ``LENGTH``."""
+class _Pointed(NamedTuple):
+    """Poles ``z`` (N, 3), tip centres ``p`` (N, 3) [m], in the base frame, and Jacobians (N, 6, J), lengths in ``LENGTH``."""
+
+    z: Array
+    p: Array
+    J: Array
+
+
+def _walk(chain: Chain, q: Array) -> _Pointed:
+    """Return where tips are and point at joint angles ``q`` (N, J) [rad]."""
     count, joints = q.shape
     # Columns of the rotation, each (3, N): joint frames keep their z along the hinge, so that a turn mixes two columns.
     A = np.empty((3, 3, count))
@@ -126,7 +143,7 @@ def _walk(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
     for k in range(3):
         m, n = (k + 1) % 3, (k + 2) % 3
         J[:, k] = (axes[:, m] * arms[:, n] - axes[:, n] * arms[:, m]).T
-    return moved[2].T, p.T, J
+    return _Pointed(moved[2].T, p.T, J)
 
 
 @lru_cache(maxsize=64)

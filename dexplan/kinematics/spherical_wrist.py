@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dexplan.kinematics.chain import Chain, compute_dexterity, compute_tip_pose, solve_ik, wrap_to_limits
 from dexplan.kinematics.pointing import LENGTH, move_to_base
 from dexplan.kinematics.workspace import Workspace
-from dexplan.spatial import Array, read_only
+from dexplan.spatial import Array, lock_arrays, read_only
 
 _EXACT = 1e-9
 _STEPS = 12
@@ -51,6 +51,9 @@ class SphericalWrist:
     wrist: Array
     tilt: float
     reach: float
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def frame(self) -> Array:
@@ -151,7 +154,8 @@ def compute_least_singular_values(J: Array) -> Array:
             slope = slope * root + value
             value = value * root + (-1.0) ** k * e[k]
         root = np.maximum(root - value / np.where(slope < 0.0, slope, -1.0), root)
-    return np.sqrt(root)
+    least: Array = np.sqrt(root)
+    return least
 
 
 def estimate_dexterity(chain: Chain, q: Array) -> Array:

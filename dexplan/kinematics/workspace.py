@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from dexplan.brief import brief_repr
 from dexplan.kinematics.chain import Chain, compute_joint_margin, compute_tip_pose, solve_ik, wrap_to_limits
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.spatial import Array, invert_pose, make_pose, read_only, rotate_about
+from dexplan.spatial import Array, invert_pose, lock_arrays, make_pose, read_only, rotate_about
 
 VERSION = 1
 SPACING = 0.018
@@ -59,6 +59,9 @@ class Workspace:
 
     __repr__ = brief_repr
 
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(np.hstack([self.positions / LENGTH, self.poles]))
@@ -83,7 +86,8 @@ class Workspace:
     def find_seeds(self, positions: Array, poles: Array) -> Array:
         """Return the sampled postures (N, J) nearest to tips at ``positions`` (N, 3) [m] with ``poles`` (N, 3)."""
         _, nearest = self._tree.query(np.hstack([positions / LENGTH, poles]))
-        return self.postures[nearest].copy()
+        postures: Array = self.postures[nearest].copy()
+        return postures
 
     def moved(self, X_WP: Array) -> Workspace:
         """Return the workspace of the same finger on a palm that stands at ``X_WP`` (4, 4) instead of in W's own axes."""
@@ -211,7 +215,8 @@ def _swing(R: Array, z: Array, share: float) -> Array:
     sine = np.linalg.norm(axis, axis=1)
     angle = np.arctan2(sine, z @ R[:, 2])
     axis = np.where(sine[:, None] > 1e-9, axis / np.maximum(sine, 1e-12)[:, None], R[:, 0])
-    return Rotation.from_rotvec((share * angle)[:, None] * axis).as_matrix() @ R
+    turned: Array = Rotation.from_rotvec((share * angle)[:, None] * axis).as_matrix() @ R
+    return turned
 
 
 def spread_directions(count: int) -> Array:

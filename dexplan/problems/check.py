@@ -1,6 +1,6 @@
 """What a problem must make sense of, beyond the types of its keys.
 
-Each ``_check_`` function takes a whole :class:`~dexplan.problems.problem.Problem` and the name of its
+Each ``_check_`` function takes a whole :class:`~dexplan.problems.sections.ProblemFields` and the name of its
 source; it raises ``ProblemError`` at the first thing that is wrong, with one line that names source, key,
 value and what would be accepted.
 """
@@ -14,7 +14,6 @@ from typing import Any
 
 from dexplan.errors import ProblemError
 from dexplan.problems.derived import as_name, compute_largest_torsion
-from dexplan.problems.problem import ContactPoint, ContactSpec, Problem
 from dexplan.problems.rules import (
     AZIMUTH,
     BOUNDS,
@@ -28,6 +27,7 @@ from dexplan.problems.rules import (
     spell,
     suggest,
 )
+from dexplan.problems.sections import ContactPoint, ContactSpec, ProblemFields
 
 SURFACE_TOLERANCE = 0.01
 """A ``point_m`` contact may miss the object's surface by this part of its radius."""
@@ -36,7 +36,7 @@ SMALLEST_NORM = 1e-9
 """A shorter axis or quaternion counts as zero."""
 
 
-def check_problem(problem: Problem, source: str) -> None:
+def check_problem(problem: ProblemFields, source: str) -> None:
     """Raise ``ProblemError`` if ``problem`` makes no sense; ``source`` names where it came from."""
     for check in (
         _check_names,
@@ -44,6 +44,7 @@ def check_problem(problem: Problem, source: str) -> None:
         _check_object,
         _check_hand,
         _check_friction,
+        _check_forces,
         _check_start,
         _check_goal,
         _check_rest,
@@ -51,7 +52,7 @@ def check_problem(problem: Problem, source: str) -> None:
         check(problem, source)
 
 
-def _check_names(problem: Problem, source: str) -> None:
+def _check_names(problem: ProblemFields, source: str) -> None:
     if not NAME_PATTERN.fullmatch(problem.name):
         accepted = f"{describe_accepted('name')}, such as {spell(as_name(problem.name))}"
         raise ProblemError(source, "name", f"{spell(problem.name)} is no name for a folder", accepted)
@@ -65,7 +66,7 @@ def _check_names(problem: Problem, source: str) -> None:
         )
 
 
-def _check_numbers(problem: Problem, source: str) -> None:
+def _check_numbers(problem: ProblemFields, source: str) -> None:
     for key, value in _walk_numbers(problem.as_dict(), ""):
         bounds = BOUNDS.get(re.sub(r"\[\d+\]", "", key))
         if bounds is not None and not bounds.accepts(value):
@@ -84,7 +85,7 @@ def _walk_numbers(value: Any, key: str) -> Iterator[tuple[str, float]]:
         yield key, value
 
 
-def _check_object(problem: Problem, source: str) -> None:
+def _check_object(problem: ProblemFields, source: str) -> None:
     for index, region in enumerate(problem.object.allowed_regions):
         if math.hypot(*region.axis) < SMALLEST_NORM:
             key = f"object.allowed_regions[{index}].axis"
@@ -92,7 +93,7 @@ def _check_object(problem: Problem, source: str) -> None:
             raise ProblemError(source, key, fact, describe_accepted(key))
 
 
-def _check_hand(problem: Problem, source: str) -> None:
+def _check_hand(problem: ProblemFields, source: str) -> None:
     hand, wanted = problem.hand, SCENES[problem.scene].finger_count
     for key, values in (("tip_radii_m", hand.tip_radii_m), ("base_azimuths_deg", hand.base_azimuths_deg)):
         if len(values) != wanted:
@@ -119,7 +120,7 @@ def _check_hand(problem: Problem, source: str) -> None:
             raise ProblemError(source, key, fact, accepted)
 
 
-def _check_friction(problem: Problem, source: str) -> None:
+def _check_friction(problem: ProblemFields, source: str) -> None:
     """Refuse a torsional friction that no contact patch on the smallest tip can give: Hertz, mu_t = (3 pi /
     16) mu a.
     """
@@ -134,12 +135,26 @@ def _check_friction(problem: Problem, source: str) -> None:
         raise ProblemError(source, "friction.torsional_m", fact, accepted)
 
 
-def _check_start(problem: Problem, source: str) -> None:
+def _check_forces(problem: ProblemFields, source: str) -> None:
+    """Refuse a least normal force above the one aimed at, and one aimed at above the greatest."""
+    forces = problem.forces
+    accepted = "accepted: normal_floor_N <= normal_N <= normal_ceiling_N"
+    if forces.normal_floor_N > forces.normal_N:
+        fact = f"{spell(forces.normal_floor_N)} is more than the {spell(forces.normal_N)} of forces.normal_N"
+        raise ProblemError(source, "forces.normal_floor_N", fact, accepted)
+    if forces.normal_N > forces.normal_ceiling_N:
+        fact = (
+            f"{spell(forces.normal_ceiling_N)} is less than the {spell(forces.normal_N)} of forces.normal_N"
+        )
+        raise ProblemError(source, "forces.normal_ceiling_N", fact, accepted)
+
+
+def _check_start(problem: ProblemFields, source: str) -> None:
     if problem.start.contacts_deg != "auto":
         _check_contacts(problem, problem.start.contacts_deg, "start.contacts_deg", source)
 
 
-def _check_contacts(problem: Problem, contacts: tuple[ContactSpec, ...], key: str, source: str) -> None:
+def _check_contacts(problem: ProblemFields, contacts: tuple[ContactSpec, ...], key: str, source: str) -> None:
     """Check one entry per finger, two or more touching, each one a place on the object."""
     if len(contacts) != problem.hand.finger_count:
         accepted = f"accepted: {problem.hand.finger_count} entries, one per finger"
@@ -169,7 +184,7 @@ def _check_contacts(problem: Problem, contacts: tuple[ContactSpec, ...], key: st
                     )
 
 
-def _check_goal(problem: Problem, source: str) -> None:
+def _check_goal(problem: ProblemFields, source: str) -> None:
     goal = problem.goal
     if goal.rotation is not None and goal.orientation_wxyz is not None:
         fact = f"both rotation and orientation_wxyz {spell(list(goal.orientation_wxyz))} are given"
@@ -208,7 +223,7 @@ def _check_goal(problem: Problem, source: str) -> None:
         )
 
 
-def _check_rest(problem: Problem, source: str) -> None:
+def _check_rest(problem: ProblemFields, source: str) -> None:
     primitives = problem.gait.primitives
     if len(set(primitives)) != len(primitives):
         accepted = "accepted: each primitive at most once"

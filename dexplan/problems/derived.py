@@ -11,12 +11,15 @@ import unicodedata
 from collections.abc import Mapping
 from typing import Any
 
-from dexplan.problems.problem import FrictionSection, HandSection
+from dexplan.problems.rules import BOUNDS
+from dexplan.problems.sections import ForcesSection, FrictionSection, HandSection
 
 PATCH_PER_TIP = 0.3
 """``torsional_m`` may be at most this times sliding times tip radius: a patch about half as wide as the tip [Hertz]."""
 LONGEST_NAME = 100
 
+FORCES = ("normal_floor_N", "normal_ceiling_N", "normal_N")
+"""Keys of ``[forces]``, those first that follow from others."""
 ALTERNATIVES = ("rotation", "orientation_wxyz")
 """Keys of ``[goal]`` of which a problem may have one."""
 
@@ -41,14 +44,17 @@ def fill_derived(data: dict[str, Any]) -> None:
         torsional = _derive_torsion(data)
         if torsional is not None:
             data["friction"] = {**friction, "torsional_m": torsional}
+    forces = data.get("forces")
+    if isinstance(forces, dict):
+        data["forces"] = {**_derive_forces(forces), **forces}
     goal = data.get("goal")
     if isinstance(goal, dict) and "kind" not in goal:
         data["goal"] = {**goal, "kind": _derive_kind(goal)}
 
 
 def forget_derived(data: dict[str, Any]) -> None:
-    """Take the torsional friction out of ``data`` where :func:`fill_derived` would write the same, so that it follows what is
-    replaced next.
+    """Take torsional friction and normal forces out of ``data`` where :func:`fill_derived` would write the same, so that they
+    follow what is replaced next.
 
     A run folder's copy has all defaults written out, and has to take the same ``--set`` as the file that it came from.
     """
@@ -57,6 +63,13 @@ def forget_derived(data: dict[str, Any]) -> None:
         rest = {key: value for key, value in friction.items() if key != "torsional_m"}
         if friction["torsional_m"] == _derive_torsion({**data, "friction": rest}):
             data["friction"] = rest
+    forces = data.get("forces")
+    if isinstance(forces, dict):
+        for key in FORCES:
+            rest = {name: value for name, value in forces.items() if name != key}
+            if key in forces and forces[key] == _derive_forces(rest).get(key):
+                forces = rest
+        data["forces"] = forces
 
 
 def _derive_torsion(data: Mapping[str, Any]) -> float | None:
@@ -69,6 +82,27 @@ def _derive_torsion(data: Mapping[str, Any]) -> float | None:
     if not isinstance(tips, list | tuple) or not all(_is_positive(x) for x in (sliding, *tips)) or not tips:
         return None
     return min(FrictionSection.torsional_m, compute_largest_torsion(sliding, min(tips)))
+
+
+def _derive_forces(forces: Mapping[str, Any]) -> dict[str, float]:
+    """Return the normal forces [N] that ``forces`` leaves out: the usual ones, moved as far as what is written asks for."""
+    usual = ForcesSection()
+    floor, ceiling = forces.get("normal_floor_N"), forces.get("normal_ceiling_N")
+    target = forces.get("normal_N", usual.normal_N)
+    if not all(
+        _is_positive(x) and BOUNDS[f"forces.{key}"].accepts(x) for key, x in forces.items() if key in FORCES
+    ):
+        return {}
+    if "normal_N" not in forces:
+        target = max(target, floor or target)
+        target = min(target, ceiling or target)
+    share = usual.normal_floor_N / usual.normal_N
+    derived = {
+        "normal_N": target,
+        "normal_floor_N": min(usual.normal_floor_N, share * target),
+        "normal_ceiling_N": max(usual.normal_ceiling_N, target),
+    }
+    return {key: value for key, value in derived.items() if key not in forces}
 
 
 def _is_positive(value: object) -> bool:

@@ -11,8 +11,8 @@ import tomllib
 from typing import Any
 
 from dexplan.errors import ProblemError
-from dexplan.problems.problem import GoalSection, Problem
 from dexplan.problems.rules import spell
+from dexplan.problems.sections import GoalSection, ProblemFields
 
 OPTION = "--set"
 WORD = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
@@ -40,7 +40,7 @@ def apply_override(data: dict[str, Any], dotted_key: str, value: object, source:
     defaults.
     """
     steps = _parse_key(dotted_key, source)
-    defaults: Any = Problem(name="", goal=GoalSection()).as_dict()
+    defaults: Any = ProblemFields(name="", goal=GoalSection()).as_dict()
     place: Any = data
     for depth, step in enumerate(steps):
         is_last = depth == len(steps) - 1

@@ -74,6 +74,15 @@ BOUNDS = {
     "obstacles.pos_m": Bounds(-100.0, 100.0, "m"),
     "obstacles.size_m": Bounds(1e-4, 100.0, "m"),
     "control.speed_deg_s": Bounds(0.1, 720.0, "degrees per second"),
+    "forces.normal_N": Bounds(0.1, 100.0, "N"),
+    "forces.normal_floor_N": Bounds(0.01, 100.0, "N"),
+    "forces.normal_ceiling_N": Bounds(0.1, 100.0, "N"),
+    "margins.joint_deg": Bounds(0.0, 45.0, "degrees"),
+    # Approaches begin 8 mm from the object: a free finger could not keep more than that off it.
+    "margins.clearance_mm": Bounds(0.0, 7.0, "mm"),
+    # The controller's forces keep to 0.99 of the believed cone, and to 0.07 of the torque limits more than the plan's.
+    "margins.cone_share": Bounds(0.05, 0.99),
+    "margins.torque_share": Bounds(0.05, 0.93),
 }
 """Key with its indices dropped -> its numbers."""
 
@@ -128,7 +137,9 @@ ACCEPTED = {
     "control.force_solver": '"daqp" or "osqp"',
     "control.rate_hz": '"auto", 125, 250, 500 or 1000',
     "acceptance": "a table of limits, each a number or true/false",
-    **dict.fromkeys(("object", "hand", "friction", "start", "goal", "gait", "control"), _TABLE),
+    **dict.fromkeys(
+        ("object", "hand", "friction", "start", "goal", "gait", "control", "forces", "margins"), _TABLE
+    ),
 }
 """Key with its indices emptied -> what it accepts, in words; numbers fall back on ``BOUNDS``."""
 

@@ -13,6 +13,8 @@ The spring is one of accelerations: at the same force a light object is entered 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
 
@@ -58,10 +60,16 @@ def compute_impedance(solimp: tuple[float, float, float, float, float], depth: f
     return start + share * (end - start)
 
 
-def _read_contact(
-    model: mujoco.MjModel, first: int, second: int
-) -> tuple[float, float, tuple[float, float, float, float, float]]:
-    """Return stiffness k [1/s^2], inverse mass A [1/kg] and solimp of the contact of two geoms of equal ``solmix``."""
+class _Spring(NamedTuple):
+    """What MuJoCo's contact is as a spring: stiffness k [1/s^2], inverse mass A [1/kg] and ``solimp``."""
+
+    stiffness: float
+    inverse_mass: float
+    solimp: tuple[float, float, float, float, float]
+
+
+def _read_contact(model: mujoco.MjModel, first: int, second: int) -> _Spring:
+    """Return the spring of the contact of two geoms of equal ``solmix``."""
     geoms = [first, second]
     time, damping = model.geom_solref[geoms].mean(axis=0)
     solimp = model.geom_solimp[geoms].mean(axis=0)
@@ -71,4 +79,4 @@ def _read_contact(
     time = max(float(time), 2.0 * model.opt.timestep)
     stiffness = 1.0 / (end * time * damping) ** 2
     inverse_mass = float(model.body_invweight0[model.geom_bodyid[geoms], 0].sum())
-    return stiffness, inverse_mass, (start, end, *map(float, solimp[2:]))
+    return _Spring(stiffness, inverse_mass, (start, end, *map(float, solimp[2:])))

@@ -27,7 +27,7 @@ from dexplan.kinematics.chain import (
 from dexplan.kinematics.finger import FingerDescription
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import ObjectDescription, SceneParameters
-from dexplan.spatial import Array, as_pose, build_frame, invert_pose, make_pose, rotate_about
+from dexplan.spatial import Array, as_pose, build_frame, invert_pose, lock_arrays, make_pose, rotate_about
 
 HOME_GAP = 0.025
 """At home each fingertip points at the object from this far off its surface [m]."""
@@ -69,6 +69,9 @@ class Scene:
     object_body: int
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def n_fingers(self) -> int:

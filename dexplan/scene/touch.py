@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
 from dexplan.scene.scene import Scene
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 TOUCH_FIELDS = ("sensordata", "xpos", "xmat", "cvel", "subtree_com", "site_xmat")
 """What :func:`read_touches` needs of MjData, at each instant."""
@@ -49,6 +49,9 @@ class Touches:
     pole_angle: Array
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 @lru_cache(maxsize=4)

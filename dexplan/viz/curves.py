@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexplan.brief import brief_repr
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
 from dexplan.viz.timeline import choose_axis, compute_turned_angle

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from dexplan.errors import RunFolderError
-from dexplan.plan.plan import Action, Plan
+from dexplan.plans.plan import Action, Plan
 from dexplan.run_folder import check_replaceable
 from dexplan.sim.trace import Trace
 from dexplan.viz.canvas import SOFTWARE

@@ -45,7 +45,7 @@ def describe_reach(hand: HandModel) -> str:
         f"two contacts are force closed from {math.degrees(reach.phi_min):.1f} deg apart",
         "",
         "reach with the tip's pole on the contact (joint margin "
-        f"{math.degrees(limits.joint_margin):.0f} deg, away from singular postures)",
+        f"{math.degrees(limits.joint_margin):.3g} deg, away from singular postures)",
         "            of the surface   azimuth from its own   elevation           any orientation   double region",
     ]
     others = [[j for j in range(len(hand.fingers)) if j != i] for i in range(len(hand.fingers))]

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.spatial import Array
 from dexplan.viz.palette import as_rgb, get_finger_color
 
@@ -62,7 +62,7 @@ def add_goal_marks(scene: mujoco.MjvScene, X_WO: Array, plan: Plan) -> None:
         if contact is None or scene.ngeom >= scene.maxgeom:
             continue
         geom, shape = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_SPHERE
-        shade = GOAL_SHADE * np.array(as_rgb(get_finger_color(contact.finger)))
+        shade = GOAL_SHADE * as_rgb(get_finger_color(contact.finger))
         size, place = np.full(3, GOAL_RADIUS), X_WO[:3, :3] @ contact.point_O + X_WO[:3, 3]
         rgba = np.array([*shade, 1.0], dtype=np.float32)
         mujoco.mjv_initGeom(geom, shape, size, place, np.eye(3).ravel(), rgba)

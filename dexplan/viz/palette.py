@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from dexplan.spatial import Array
+
 FINGER_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442")
 """Finger after finger; the object is orange, so that none of the first three is lost in front of it."""
 
@@ -24,7 +28,6 @@ def get_finger_color(finger: int) -> str:
     return FINGER_COLORS[finger % len(FINGER_COLORS)]
 
 
-def as_rgb(color: str) -> tuple[float, float, float]:
-    """Return ``#rrggbb`` as three shares of one."""
-    red, green, blue = (int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
-    return red, green, blue
+def as_rgb(color: str) -> Array:
+    """Return ``#rrggbb`` as red, green and blue (3,), shares of one."""
+    return np.array([int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])

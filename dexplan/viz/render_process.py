@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.errors import DexplanError, RenderError, UnknownNameError
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, make_pose
 from dexplan.viz.canvas import SOFTWARE

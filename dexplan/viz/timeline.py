@@ -9,14 +9,14 @@ import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from dexplan.plan.plan import MAY, MUST, Action, Plan
+from dexplan.plans.plan import MAY, MUST, Action, Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
 
@@ -154,13 +154,21 @@ def _describe_motion(action: Action) -> str:
     return f"{shift * 1e3:.0f} mm" if abs(action.angle) < 1e-4 else f"{angle} {shift * 1e3:.0f} mm"
 
 
-def _find_runs(values: NDArray[Any]) -> Iterator[tuple[Any, int, int]]:
-    """Yield (value, start, stop) of each stretch of equal values."""
+class _Run(NamedTuple):
+    """A stretch of equal values: from the index ``start`` until before ``stop``."""
+
+    value: Any
+    start: int
+    stop: int
+
+
+def _find_runs(values: NDArray[Any]) -> Iterator[_Run]:
+    """Yield each stretch of equal values."""
     if len(values) == 0:
         return
     edges = [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist(), len(values)]
     for a, b in pairwise(edges):
-        yield values[a], a, b
+        yield _Run(values[a], a, b)
 
 
 def _trace_text(trace: Trace, width: int) -> str:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from dexplan.errors import RenderError, RunFolderError
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.sim.trace import Trace
 
 BACKENDS = ("egl", "osmesa")

@@ -1,1 +1,37 @@
-"""The physics as witness: the paper's theorems as boundaries that MuJoCo obeys, through the whole hand."""
+"""The physics as witness: experiments about the paper's theorems, and about what we claim of ourselves.
+
+================  ==================================================================================
+``experiments``   theorems as boundaries that MuJoCo obeys, through the whole hand: ``scripts/phase_diagram``
+``lifted``        one finger lifted from a grasp of three: hold, spin or drop
+``rolling``       rolls and rolling triangles in every heading: ``scripts/rolling_sweep``
+``three_to_two``  from three fingers to two by rolling
+``attitudes``     random attitudes from random starts, planned and carried out
+``adjustments``   random goal grasps; ``shifts``: random shifts
+``confirmation``  built-in problems and random worlds: planned, carried out, judged
+``brute_force``   a refusal held against a grid of contacts
+``endurance``     goal after goal in one rollout
+``digests``       fingerprints of plans
+================  ==================================================================================
+
+``scripts/`` has a script for each; nothing of the package needs this room.
+
+>>> from dexplan.witness.confirmation import list_builtin_cases
+>>> sum(1 for _ in list_builtin_cases())
+44
+"""
+
+__all__ = [
+    "adjustments",
+    "attitudes",
+    "brute_force",
+    "confirmation",
+    "digests",
+    "endurance",
+    "experiments",
+    "force_audit",
+    "lifted",
+    "report",
+    "rolling",
+    "shifts",
+    "three_to_two",
+]

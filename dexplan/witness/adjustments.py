@@ -14,10 +14,10 @@ from dexplan import pipeline
 from dexplan.brief import brief_repr
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.sampling import sample_attitude
 from dexplan.planning.regrasp.still import build_landings
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import GoalSection, Problem, compute_contact_directions
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.spatial import Array, as_pose7, build_frame

@@ -10,11 +10,11 @@ import numpy as np
 
 from dexplan import pipeline
 from dexplan.brief import brief_repr
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.sampling import sample_attitude, sample_start
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import GoalSection, Problem, StartSection
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.spatial import Array, as_pose7

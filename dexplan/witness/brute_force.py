@@ -73,7 +73,7 @@ class Touch:
 
     def place(self, contacts: tuple[Contact, ...], is_centred: bool = True) -> Array:
         """Return the postures (F, J) with these contacts, all others at home; last joints in the middle of their range."""
-        q = self.hand.q_home
+        q = self.hand.q_home.copy()
         for f, d in contacts:
             q[f] = self.q[f, d]
             chain = self.hand.fingers[f].chain

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import build_problem, list_problems, load_problem
 from dexplan.witness import adjustments, attitudes

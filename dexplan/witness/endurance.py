@@ -17,12 +17,12 @@ from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
 from dexplan.brief import brief_repr
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.sampling import sample_attitude
 from dexplan.planning.tasks.object_manipulation import Start
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import GoalSection, Problem, compute_contact_directions
 from dexplan.problems.problem import Rotation as Turn
 from dexplan.sim.judge.validate import ValidationReport

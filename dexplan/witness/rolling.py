@@ -17,12 +17,12 @@ from dexplan import pipeline
 from dexplan.brief import brief_repr
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.errors import DexplanError
-from dexplan.plan.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.tip_rotation import refuse_rotation
 from dexplan.planning.rolling.roll_gait import as_roll, build_roll, end_placement, follow_roll, judge_ways
+from dexplan.plans.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
+from dexplan.plans.roll import Roll
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.judge.replay import replay

@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.regions.sampling import sample_start
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import GoalSection, Problem, Rotation, StartSection, compute_contact_directions
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.spatial import Array, rotate_about

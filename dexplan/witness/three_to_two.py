@@ -8,10 +8,10 @@ import numpy as np
 
 from dexplan import pipeline
 from dexplan.brief import brief_repr
-from dexplan.plan.plan import SOLVED, Action, Plan
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll_actions
+from dexplan.plans.plan import SOLVED, Action, Plan
 from dexplan.problems.derived import PATCH_PER_TIP
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem

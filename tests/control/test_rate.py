@@ -83,12 +83,12 @@ def test_forces_follow_what_is_told_while_load_goes_from_finger_to_finger() -> N
     first = next(k for k, action in enumerate(plan.actions) if action.kind == "place")
     plan = dataclasses.replace(plan, actions=plan.actions[: first + 1])
     off = {}
-    for relaxation in (0.05, 0.15):
+    for relaxation in (0.02, 0.15):
         options = dataclasses.replace(pipeline.build_options(problem), relaxation=relaxation)
         trace = pipeline.rollout(problem, plan, options=options)
         loading = (trace["action_index"] == first) & (trace["phase_index"] == trace["phase_index"].max())
         assert loading.any()
         late = np.flatnonzero(loading)[20:]
         off[relaxation] = trace["contact_force"][late] - trace["contact_force_reference"][late]
-    assert np.nanmax(np.abs(off[0.05][..., 2])) < 0.1
-    assert np.nanmax(np.abs(off[0.05][..., 3])) < 0.7 * np.nanmax(np.abs(off[0.15][..., 3]))
+    assert np.nanmax(np.abs(off[0.02][..., 2])) < 0.1
+    assert np.nanmax(np.abs(off[0.02][..., 3])) < 0.7 * np.nanmax(np.abs(off[0.15][..., 3]))

@@ -15,7 +15,7 @@ from dexplan.control.reference import (
     build_reference,
     smooth_step,
 )
-from dexplan.plan.plan import MAY, Plan
+from dexplan.plans.plan import MAY, Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.spatial import rotation_vector

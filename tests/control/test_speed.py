@@ -11,8 +11,8 @@ import pytest
 from dexplan import pipeline
 from dexplan.control.reference import build_reference
 from dexplan.control.speed import compute_speed
-from dexplan.plan.plan import Plan
-from dexplan.plan.speed import PACES
+from dexplan.plans.plan import Plan
+from dexplan.plans.speed import PACES
 from dexplan.problems.read import load_problem
 
 CASES = Path(__file__).parents[1] / "cases"

@@ -195,7 +195,7 @@ class EquatorialHand:
         if any(contact not in self._states for contact in contacts):
             return False
         states = {contact[0]: self._states[contact] for contact in contacts}
-        q = self.hand.q_home
+        q = self.hand.q_home.copy()
         for finger, state in states.items():
             q[finger] = state.q
         if len(contacts) > 2:

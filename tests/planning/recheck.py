@@ -15,9 +15,9 @@ from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.kinematics.arcs import build_travel, interpolate
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose, solve_ik
-from dexplan.plan.plan import Action, Placement, Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.plan import Action, Placement, Plan
 from dexplan.spatial import Array, build_frame, rotate_about
 
 SAMPLE = np.radians(2.0)
@@ -36,7 +36,7 @@ class Recheck:
     def __post_init__(self) -> None:
         self._admissibility = Admissibility(self.hand)
         self._contacts: list[Placement | None] = list(self.plan.start_contacts)
-        self._q = self.hand.q_home
+        self._q = self.hand.q_home.copy()
         self._X_WO = self.plan.X_WO_start
         for contact in self._contacts:
             if contact is not None:

@@ -7,10 +7,10 @@ import pytest
 from recheck import Recheck
 
 from dexplan import pipeline
-from dexplan.plan.plan import Action, Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.moves import reverse_roll
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
+from dexplan.plans.plan import Action, Plan
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 

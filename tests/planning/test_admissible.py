@@ -19,7 +19,7 @@ MIDDLE_DEG = 60.0
 
 def hold(hand: HandModel, apart_deg: float) -> Array:
     """Return postures (F, J): fingers 1 and 2 on the equator, so far apart, finger 3 at home."""
-    q = hand.q_home
+    q = hand.q_home.copy()
     for f, azimuth in enumerate((MIDDLE_DEG - 0.5 * apart_deg, MIDDLE_DEG + 0.5 * apart_deg)):
         n = direction_from_angles(azimuth, 0.0)
         X = make_pose(build_frame(-n))

@@ -7,7 +7,7 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.grasp.closed_forms.pair import check_sphere_pair
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 

@@ -13,8 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dexplan import pipeline
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import remember_clearances
 from dexplan.planning.gait.cost import (
@@ -28,6 +26,8 @@ from dexplan.planning.gait.cost import (
 from dexplan.planning.gait.search import GaitSearch, Node
 from dexplan.planning.gait.steps import Step
 from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.witness.attitudes import Question, draw_questions

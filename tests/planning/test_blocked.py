@@ -11,11 +11,11 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.contact.friction import SoftFinger
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks.blocked import explain_obstruction
 from dexplan.planning.tasks.pair_survey import explain_no_pair
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import build_problem, load_problem
 
 CASES = Path(__file__).resolve().parents[1] / "cases"

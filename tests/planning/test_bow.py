@@ -38,7 +38,7 @@ def build_arc(*obstacles: Mapping[str, object]) -> tuple[Surroundings, Array]:
     )
     assert low is not None
     assert other is not None
-    q = hand.q_home
+    q = hand.q_home.copy()
     q[1] = other.q
     hover = compute_hover(finger, X_WO, low.X_OF, low.normal_O, low.q, hand.hover)
     return Surroundings(hand, q, X_WO, FINGER, (1,)), build_travel(finger, finger.q_home, hover, X_WO[:3, 3])

@@ -15,13 +15,13 @@ from dexplan import pipeline
 from dexplan.control.reference import Timing, build_reference
 from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
-from dexplan.plan.plan import SOLVED, Placement, Plan
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.steps import Step
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.ways.detour import Surroundings, find_detour
 from dexplan.planning.ways.travel import find_way
+from dexplan.plans.plan import SOLVED, Placement, Plan
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 
@@ -50,7 +50,7 @@ def build_landing(*obstacles: dict[str, object]) -> Landing:
         for f, a, e in ((0, 0.0, -36.0), (1, 140.0, 0.0), (2, -100.0, 0.0))
     ]
     low, other, third = (c for c in found if c is not None)
-    q = hand.q_home
+    q = hand.q_home.copy()
     q[1] = other.q
     hover = compute_hover(finger, X_WO, low.X_OF, low.normal_O, low.q, hand.hover)
     arc = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])

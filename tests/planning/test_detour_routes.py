@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dexplan.plan.goal import RotationGoal
 from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_detours
 from dexplan.planning.regions.sampling import sample_attitude
+from dexplan.plans.goal import RotationGoal
 from dexplan.spatial import Array, rotate_about
 
 

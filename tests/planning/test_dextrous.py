@@ -11,9 +11,9 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.control.reference import build_reference
-from dexplan.plan.plan import MUST_NOT, Plan
 from dexplan.planning.actions.overlap import count_overlaps, overlap_travel
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.plan import MUST_NOT, Plan
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.read import load_problem
 from dexplan.spatial import direction_from_angles

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dexplan.plan.goal import RotationGoal
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_to_goal import measure_angle
 from dexplan.planning.tasks.ends import Ends, choose_beginnings
 from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.plans.goal import RotationGoal
 from dexplan.spatial import VERTICAL, direction_from_angles
 
 RING = tuple(direction_from_angles(azimuth, 0.0) for azimuth in (0.0, 120.0, 240.0))

@@ -11,8 +11,6 @@ import pytest
 from recheck import Recheck
 from scipy.spatial.transform import Rotation
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.cost import Improvement
@@ -22,6 +20,8 @@ from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_routes, list_swings
 from dexplan.planning.tasks import object_manipulation as planner
 from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
 from dexplan.spatial import Array
 from dexplan.witness.attitudes import Question, draw_questions
 

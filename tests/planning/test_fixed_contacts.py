@@ -9,8 +9,8 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.errors import ProblemError
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 from dexplan.spatial import rotate_about
 
@@ -57,7 +57,7 @@ def test_the_limit_is_where_the_judge_says_no(beyond: Plan) -> None:
     for angle in (0.0, 0.5 * move.angle, move.angle, move.angle + np.radians(1.0)):
         X_WO = move.X_WO_start.copy()
         X_WO[:3, :3] = rotate_about(move.axis_W, angle) @ X_WO[:3, :3]
-        q = hand.q_home
+        q = hand.q_home.copy()
         for c in move.contacts_end:
             assert c is not None
             solved, reached = hand.workspaces[c.finger].solve((X_WO @ c.X_OF)[None])

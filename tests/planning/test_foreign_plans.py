@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from dexplan.errors import RunFolderError
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 
 SAVED = Path(__file__).parents[1] / "baselines" / "plans"
 ODD: tuple[Any, ...] = (None, -1, 3.5, "x", [], [[]], {}, {"a": 1}, ["a", "b"], 10**30)

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks import dextrous_manipulation as dextrous
@@ -20,6 +18,8 @@ from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Outcome, Stop
 from dexplan.planning.tasks.reorient import Turns
 from dexplan.planning.tasks.stages import Stages
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import compute_contact_directions
 from dexplan.problems.read import load_problem
 from dexplan.spatial import VERTICAL, Array

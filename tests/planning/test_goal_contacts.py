@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
+from dexplan.plans.plan import Plan
 from dexplan.spatial import Array, direction_from_angles
 
 GOAL: tuple[Array | None, ...] = (

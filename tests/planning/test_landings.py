@@ -7,13 +7,13 @@ import pytest
 
 from dexplan.kinematics.chain import compute_tip_pose
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
-from dexplan.plan.motion import STEP
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import LoneClearance
 from dexplan.planning.gait import candidates
 from dexplan.planning.gait.candidates import POLAR_SPACING, Landings, find_landings
 from dexplan.planning.gait.legs import CIRCLE, Leg
+from dexplan.plans.motion import STEP
 from dexplan.spatial import Array, make_pose, rotate_about
 
 UP, SKEW = np.array([0.0, 0.0, 1.0]), np.array([0.48, -0.6, 0.64])

@@ -32,7 +32,7 @@ def probe(hand: HandModel, finger: int, center: Array, normal: Array, gap: float
     q, reached = solve_tip_pose(hand.workspaces[finger], X)
     if not reached[0]:
         return ""
-    posture = hand.q_home
+    posture = hand.q_home.copy()
     posture[finger] = q[0]
     touching, others = () if gap else (finger,), tuple({0, 1, 2} - {finger})
     clearance, names = hand.probe.compute_clearance(posture, make_pose(p=center), touching, others)

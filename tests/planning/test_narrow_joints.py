@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
 from dexplan.planning.gait.orbits import measure_roll_room
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 
 CASES = Path(__file__).parents[1] / "cases"

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Placement, Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
@@ -16,6 +14,8 @@ from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.rolling.roll_gait import RollToPair
 from dexplan.planning.tasks.pair_roll import PairRolls
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Placement, Plan
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 
@@ -110,7 +110,7 @@ def test_rolled_pairs_hold_all_the_way_and_leave_room(hands: dict[float, HandMod
         start = contacts[roll.finger]
         assert start is not None
         assert roll.X_OF[0] == pytest.approx(start.X_OF, abs=1e-9)
-    q = hand.q_home
+    q = hand.q_home.copy()
     for c in ends:
         q[c.finger] = c.q
     assert judge.compute_margins(q, goal.X_WO_start, (0, 1)).is_admissible

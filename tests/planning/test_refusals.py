@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import ContactSpec, Problem, Rotation, StartSection
 from dexplan.problems.read import load_problem
 

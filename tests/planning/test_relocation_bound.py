@@ -8,8 +8,6 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.goal_side import GoalSide
@@ -17,6 +15,8 @@ from dexplan.planning.regrasp.layers import Layers
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.search import AdjustmentSearch
 from dexplan.planning.regrasp.still import Stand, build_landings
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Placement
 from dexplan.spatial import VERTICAL, Array, direction_from_angles
 
 GOAL = tuple(direction_from_angles(azimuth, 0.0) for azimuth in (-35.0, 120.0, 200.0))

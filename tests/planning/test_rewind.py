@@ -8,8 +8,8 @@ import pytest
 from recheck import Recheck
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem, Rotation
 
 

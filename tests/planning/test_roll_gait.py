@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Placement, Plan
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll, build_roll_actions, follow_roll
 from dexplan.planning.rolling.rolling_carry import build_carry_roll, plan_rolling_turn
+from dexplan.plans.plan import MAY, MUST, MUST_NOT, Placement, Plan
+from dexplan.plans.roll import Roll
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, rotate_about
 
@@ -84,7 +84,7 @@ class TestThreeToTwo:
         for found in islice(RollToPair(hand, ring.X_WO_start, ring.start_contacts, judge).options(), 3):
             assert found.margins["load"] > 0.0
             assert found.margins["clearance_mm"] >= 1e3 * hand.limits.clearance
-            q = hand.q_home
+            q = hand.q_home.copy()
             for i in found.pair:
                 placement = found.contacts[i]
                 assert placement is not None

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.admissibility import Admissibility, FingerState, Margins
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.rolling.roll_gait import FOLLOW, RollToPair
+from dexplan.plans.plan import Placement
 from dexplan.spatial import direction_from_angles
 
 WIDER = float(np.radians(20.0))

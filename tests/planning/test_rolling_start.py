@@ -13,13 +13,13 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.contact.rolling.curves import roll_turning
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import MUST, Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks import rolling_start
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
 from dexplan.planning.tasks.rolling_start import OPTIONS, plan_object_manipulation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import MUST, Plan
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 
@@ -82,7 +82,7 @@ def check_whole(hand: HandModel, plan: Plan, case: Case) -> None:
         assert changed == ({action.finger} - {None} | {r.finger for r in action.rolls}), action.kind
         X_WO, contacts = action.X_WO_end, action.contacts_end
         held = {i: c.X_OF for i, c in enumerate(contacts) if c is not None}
-        q = hand.q_home
+        q = hand.q_home.copy()
         for i, X_OF in held.items():
             solved, reached = hand.workspaces[i].solve((X_WO @ X_OF)[None])
             assert reached[0], (action.kind, i)

@@ -13,12 +13,12 @@ from recheck import Recheck
 from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.regions.sampling import sample_attitude, sample_start
 from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.problem import Rotation as Turn
 from dexplan.spatial import Array, rotate_about

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import build_problem, load_problem
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -53,7 +53,7 @@ def test_no_state_of_the_plan_has_a_free_finger_in_the_way() -> None:
     plan = pipeline.plan(problem)
     for action in plan.actions:
         held = {c.finger: c for c in action.contacts_end if c is not None}
-        q = hand.q_home
+        q = hand.q_home.copy()
         for f, contact in held.items():
             q[f] = contact.q
         clearance, names = hand.probe.compute_clearance(q, action.X_WO_end, tuple(held))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from dexplan import pipeline
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.controller import Controller
 from dexplan.control.reference import build_reference
-from dexplan.plan.plan import Plan
-from dexplan.planning.admissible.squeeze import CEILING, DEPTH, NORMAL_FORCE, choose_squeeze
+from dexplan.planning.admissible.squeeze import DEPTH, choose_squeeze
+from dexplan.plans.forces import NormalForces
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 from dexplan.scene.penetration import predict_penetration
 from dexplan.sim.judge.validate import load_default_limits
@@ -26,9 +28,9 @@ FRICTION = SoftFinger(0.55 / 1.3, 0.0025 / 1.3)
 def test_objects_that_bear_it_are_squeezed_as_ever(mass: float) -> None:
     problem = load_problem("hold_two", {"object.mass_kg": mass})
     squeeze = pipeline.build_squeeze(problem, pipeline.build_scene(problem))
-    assert (squeeze.normal, squeeze.floor, squeeze.refusal) == (NORMAL_FORCE, 4.0, "")
+    assert (squeeze.normal, squeeze.floor, squeeze.refusal) == (NormalForces.target, 4.0, "")
     if mass >= 0.06:
-        assert squeeze.ceiling == CEILING
+        assert squeeze.ceiling == NormalForces.ceiling
 
 
 @pytest.mark.parametrize("tip", [0.016, 0.018, 0.026])
@@ -38,7 +40,7 @@ def test_light_objects_are_squeezed_as_hard_as_they_bear(mass: float, tip: float
     scene = pipeline.build_scene(problem)
     squeeze = pipeline.build_squeeze(problem, scene)
     assert not squeeze.refusal
-    assert squeeze.floor < squeeze.normal < NORMAL_FORCE
+    assert squeeze.floor < squeeze.normal < NormalForces.target
     assert max(predict_penetration(scene, i, squeeze.normal) for i in range(3)) == pytest.approx(
         DEPTH, rel=1e-6
     )
@@ -88,6 +90,57 @@ def test_torsional_friction_has_to_bear_what_tips_twist_one_another(mass: float,
 def test_heavy_objects_are_never_called_too_light() -> None:
     for mass in np.geomspace(0.02, 1.0, 20):
         assert not choose_squeeze(mass, FRICTION, 500.0 * mass, 600.0 * mass).refusal
+
+
+@pytest.mark.parametrize(("asked", "floor"), [(3.3, 2.4), (5.5, 4.0), (9.0, 4.0)])
+def test_the_force_that_is_asked_for_is_planned_with(asked: float, floor: float) -> None:
+    problem = load_problem("hold_two", {"forces.normal_N": asked})
+    plan = pipeline.plan(problem)
+    assert plan.is_solved
+    assert (plan.normal_force, plan.normal_ceiling) == (asked, 12.0)
+    assert plan.normal_floor == pytest.approx(floor)
+
+
+def test_floor_and_ceiling_that_are_asked_for_are_kept() -> None:
+    """Nothing is lowered for an object that bears them: also not a floor of more than half of the ceiling."""
+    changes = {"forces.normal_floor_N": 5.0, "forces.normal_N": 5.5, "forces.normal_ceiling_N": 6.0}
+    problem = load_problem("hold_two", changes)
+    squeeze = pipeline.build_squeeze(problem, pipeline.build_scene(problem))
+    assert (squeeze.floor, squeeze.normal, squeeze.ceiling) == (5.0, 5.5, 6.0)
+
+
+def test_light_objects_lower_what_is_asked_for() -> None:
+    usual, less = (load_problem(LIGHT, {"forces.normal_N": asked}) for asked in (5.5, 3.0))
+    scene = pipeline.build_scene(usual)
+    squeeze = pipeline.build_squeeze(usual, scene)
+    assert squeeze.normal < 3.0
+    assert pipeline.build_squeeze(less, scene) == squeeze
+
+
+def test_more_than_usual_that_is_too_deep_is_refused_with_what_would_do() -> None:
+    changes = {"object.mass_kg": 0.02, "forces.normal_N": 15.0}
+    plan = pipeline.plan(load_problem("hold_two", changes))
+    assert plan.status == "object_too_light"
+    assert not plan.actions
+    assert "an object of 20 g is too light for the 15 N that are asked for" in plan.reason
+    cure = re.search(r"ask for at most ([0-9.]+) N \(forces\.normal_N\)", plan.reason)
+    assert cure is not None
+    assert 5.5 < float(cure[1]) < 15.0
+    assert pipeline.plan(load_problem("hold_two", {**changes, "forces.normal_N": float(cure[1])})).is_solved
+
+
+def test_less_squeeze_believes_less_friction_and_more_squeeze_not_more() -> None:
+    shares = [
+        choose_squeeze(0.06, FRICTION, 27.0, 35.0, NormalForces(x, 0.5, 20.0)).friction_share
+        for x in (1.2, 3.0, 5.5, 9.0)
+    ]
+    assert shares[0] < shares[1] < shares[2] == shares[3] == 1.0
+
+
+@pytest.mark.parametrize("forces", [(4.0, 5.0, 12.0), (5.0, 4.0, 4.5), (5.0, 0.0, 6.0)])
+def test_forces_out_of_order_are_a_mistake(forces: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match="floor <= target <= ceiling"):
+        NormalForces(*forces)
 
 
 def test_plan_reference_and_controller_use_the_same_forces() -> None:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from dexplan.grasp.closed_forms.pair import check_sphere_pair
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.regions import Regions, compute_regions
 from dexplan.planning.regions.theorems import check_rewind_along, check_theorem_1, check_theory_3
 from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
 from dexplan.scene.description import ContactCone
 from dexplan.spatial import Array, direction_from_angles, make_pose, rotate_about
 

@@ -13,8 +13,6 @@ import pytest
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
@@ -28,6 +26,8 @@ from dexplan.planning.regions.regions import Regions, compute_regions
 from dexplan.planning.regions.sampling import sample_start
 from dexplan.planning.regions.theorems import check_theorem_1, check_theory_3
 from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
 from dexplan.scene.description import Nearness
 from dexplan.spatial import Array
 

@@ -14,10 +14,10 @@ from dexplan.contact.rolling.curves import RollingPath, roll_turning
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.contact.rolling.roll_to import roll_to
 from dexplan.contact.surfaces.shapes import Sphere
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.tip_rotation import measure_rotation, trace_on_tip
 from dexplan.planning.rolling.roll_gait import as_roll, follow_roll
 from dexplan.planning.rolling.rolling_carry import build_carry_roll
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array, make_pose, rotate_about
 from dexplan.witness.rolling import Stand, build_roll_problem, compute_heading
 

@@ -10,9 +10,9 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.errors import ProblemError
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.carry import follow_object
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.scene.probe import HandProbe
@@ -72,7 +72,7 @@ def compute_plan_clearance(problem: Problem, plan: Plan) -> tuple[float, str]:
         held = [replace(c, q=postures[c.finger]) for c in before if c is not None]
         ways = {c.finger: follow_object(hand, c, poses)[0] for c in held}
         for k, X_WO in enumerate(poses):
-            q = hand.q_home
+            q = hand.q_home.copy()
             for finger, way in ways.items():
                 q[finger] = way[k]
             clearance = probe.compute_clearance(q, X_WO, tuple(ways))

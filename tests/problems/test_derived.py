@@ -132,3 +132,41 @@ def test_joint_ranges_are_only_narrowed(finger: int, joint: str) -> None:
     for wrong in ([3.0, 3.0], [4.0, 3.0]):
         with pytest.raises(ProblemError, match="is no range"):
             load_problem("hold_two", {key: wrong})
+
+
+@pytest.mark.parametrize(
+    ("written", "forces"),
+    [
+        ({}, (4.0, 5.5, 12.0)),
+        ({"normal_N": 5.5}, (4.0, 5.5, 12.0)),
+        ({"normal_N": 8.0}, (4.0, 8.0, 12.0)),
+        ({"normal_N": 20.0}, (4.0, 20.0, 20.0)),
+        ({"normal_N": 2.75}, (2.0, 2.75, 12.0)),
+        ({"normal_floor_N": 7.0}, (7.0, 7.0, 12.0)),
+        ({"normal_floor_N": 1.0}, (1.0, 5.5, 12.0)),
+        ({"normal_ceiling_N": 2.75}, (2.0, 2.75, 2.75)),
+        ({"normal_ceiling_N": 30.0}, (4.0, 5.5, 30.0)),
+        ({"normal_floor_N": 1.0, "normal_N": 2.0, "normal_ceiling_N": 3.0}, (1.0, 2.0, 3.0)),
+    ],
+)
+def test_normal_forces_that_are_left_out_make_room_for_those_that_are_written(
+    written: dict[str, float], forces: tuple[float, float, float], tmp_path: Path
+) -> None:
+    problem = load_problem("hold_two", {f"forces.{key}": value for key, value in written.items()})
+    found = problem.forces
+    assert (found.normal_floor_N, found.normal_N, found.normal_ceiling_N) == pytest.approx(forces)
+    # A copy with all defaults written out takes what the file takes that it came from.
+    copy = problem.save(tmp_path / "copy.toml")
+    assert load_problem(copy) == problem
+    for key, value in (("normal_N", 2.0), ("normal_N", 30.0), ("normal_floor_N", 9.0)):
+        if set(written) <= {key}:
+            assert (
+                load_problem(copy, {f"forces.{key}": value}).forces
+                == load_problem("hold_two", {f"forces.{key}": value}).forces
+            )
+
+
+def test_a_written_floor_stays_and_is_refused(tmp_path: Path) -> None:
+    copy = load_problem("hold_two", {"forces.normal_floor_N": 3.0}).save(tmp_path / "copy.toml")
+    with pytest.raises(ProblemError, match=r"forces\.normal_floor_N: 3\.0 is more than the 2\.0"):
+        load_problem(copy, {"forces.normal_N": 2.0})

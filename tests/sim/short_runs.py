@@ -10,9 +10,9 @@ import numpy as np
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, Timing, build_reference
-from dexplan.plan.plan import SOLVED, Plan
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.gait.steps import Step
+from dexplan.plans.plan import SOLVED, Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.scene.scene import Scene

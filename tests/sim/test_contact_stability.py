@@ -28,7 +28,7 @@ from short_runs import (
 )
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.judge.validate import ValidationReport

@@ -1,4 +1,4 @@
-"""A coarse guard: what a run and its replay cost beside the physics.  Ratios, never seconds, and generous, as cores are shared."""
+"""A coarse guard: what a run and its replay cost beside the physics.  Ratios, never seconds, and generous: cores are shared."""
 
 from __future__ import annotations
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
 from dexplan.planning.gait.states import StateChecks
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.spatial import direction_from_angles

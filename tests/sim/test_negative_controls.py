@@ -24,7 +24,7 @@ from short_runs import (
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
-from dexplan.plan.plan import Plan, PlannedPhase
+from dexplan.plans.plan import Plan, PlannedPhase
 from dexplan.problems.problem import AllowedRegion, Problem
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.library import load_scene_with

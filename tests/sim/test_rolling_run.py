@@ -11,12 +11,12 @@ from short_runs import build_plan_reference, failed, simulate
 from dexplan import pipeline
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.control.reference import Reference
-from dexplan.plan.plan import Plan
-from dexplan.plan.roll import Roll
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.rolling.roll_gait import as_roll, build_roll
 from dexplan.planning.rolling.rolling_carry import plan_rolling_turn
+from dexplan.plans.plan import Plan
+from dexplan.plans.roll import Roll
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace

@@ -24,7 +24,7 @@ from short_runs import (
 )
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.sim.judge.replay import replay
 from dexplan.sim.judge.validate import CHECKS
 from dexplan.sim.record import rollout as rollout_module

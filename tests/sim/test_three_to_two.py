@@ -6,7 +6,7 @@ import pytest
 from short_runs import failed
 
 from dexplan import pipeline
-from dexplan.plan.plan import Plan
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.witness.three_to_two import build_three_to_two

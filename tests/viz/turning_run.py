@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
+from dexplan.plans.plan import MAY, MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
 from dexplan.scene.library import load_scene
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, as_pose7, build_frame, direction_from_angles, make_pose, rotate_about

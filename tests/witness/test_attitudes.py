@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from dexplan import pipeline
 from dexplan.grasp.closed_forms.pair import check_sphere_pair
-from dexplan.plan.plan import Plan
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace

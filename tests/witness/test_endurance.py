@@ -11,7 +11,7 @@ import pytest
 from matplotlib.image import imread
 
 from dexplan import pipeline
-from dexplan.plan.goal import RotationGoal
+from dexplan.plans.goal import RotationGoal
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace

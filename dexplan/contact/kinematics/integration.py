@@ -14,7 +14,7 @@ from dexplan.contact.kinematics.coordinates import (
     leave_borders,
 )
 from dexplan.contact.kinematics.montana import compute_relative_curvature, solve_rates
-from dexplan.contact.surfaces.surface import AbstractSurface, ChartGeometry, Charts
+from dexplan.contact.surfaces.surface import AbstractSurface, ChartGeometry
 from dexplan.spatial import Array
 
 ORDER = 6
@@ -88,7 +88,7 @@ def integrate_motion(
     at = leave_borders(tip, body, start)
     out, h = [at], duration / steps
     for k in range(steps):
-        y = _step(tip, body, flow, k * h, at.as_array(), at.chart_f, at.chart_o, h)
+        y = _step(tip, body, flow, at, k * h, at.as_array(), h)
         at = _settle(tip, body, ContactCoordinates.from_array(y, at.chart_f, at.chart_o))
         out.append(at)
     return stack_coordinates(out)
@@ -133,9 +133,10 @@ def integrate_legs(
         s_f = (P @ s_o[..., None])[..., 0]
         turn_o, turn_f = np.sum(on_o.torsion * s_o, axis=-1), np.sum(on_f.torsion * s_f, axis=-1)
         rest = np.stack([turn_f + turn_o, -turn_o], axis=-1)
-        return y[..., 6:] * np.concatenate(
+        rates: Array = y[..., 6:] * np.concatenate(
             [s_f / on_f.lengths, s_o / on_o.lengths, rest, 0.0 * rest[..., :1]], axis=-1
         )
+        return rates
 
     turns, lengths = _spread(turns, start.shape), _spread(lengths, start.shape)
     at = leave_borders(tip, body, start)
@@ -145,7 +146,7 @@ def integrate_legs(
         angle = _measure_heading(body, at, heading) - turn  # left from outside is right from inside
         for k in range(steps):
             y = np.concatenate([at.as_array(), angle[..., None], length[..., None]], axis=-1)
-            y = _step(tip, body, flow, k / steps, y, at.chart_f, at.chart_o, 1.0 / steps)
+            y = _step(tip, body, flow, at, k / steps, y, 1.0 / steps)
             moved, angle = ContactCoordinates.from_array(y[..., :5], at.chart_f, at.chart_o), y[..., 5]
             at = _settle(tip, body, moved)
             if at is not moved or k == steps - 1:
@@ -190,26 +191,25 @@ def _measure_heading(body: AbstractSurface, at: ContactCoordinates, heading_O: A
         raise ValueError(
             "the heading is along the normal; a direction with a part along the surface is accepted"
         )
-    return np.arctan2(east, north)
+    angle: Array = np.arctan2(east, north)
+    return angle
 
 
 def _step(
     tip: AbstractSurface,
     body: AbstractSurface,
     flow: _Flow,
+    at: ContactCoordinates,
     t: float,
     y: Array,
-    chart_f: Charts,
-    chart_o: Charts,
     h: float,
 ) -> Array:
-    """Return y (..., 5 or more) after one Runge-Kutta step within the present charts."""
-
+    """Return y (..., 5 or more) after one Runge-Kutta step within the charts that ``at`` uses."""
     stages: list[Array] = []
     for row, c in zip(_A, _C, strict=True):
         state = y + h * sum((a * k for a, k in zip(row, stages, strict=True) if a), np.zeros(()))
-        on_f = tip.geometry(state[..., 0], state[..., 1], chart_f)
-        on_o = body.geometry(state[..., 2], state[..., 3], chart_o)
+        on_f = tip.geometry(state[..., 0], state[..., 1], at.chart_f)
+        on_o = body.geometry(state[..., 2], state[..., 3], at.chart_o)
         stages.append(flow(t + c * h, on_f, on_o, state))
         if len(stages) == 1:
             _require_short(tip, on_f, h * stages[0][..., 0:2])

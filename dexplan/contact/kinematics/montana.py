@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -126,10 +128,16 @@ def compute_geometries(
     return on_f, on_o
 
 
-def solve_rates(
-    on_f: ChartGeometry, on_o: ChartGeometry, psi: Array, V_C: Array
-) -> tuple[Array, Array, Array]:
-    """Return s_f, s_o (..., 2) [m/s] in each surface's Gauss axes and psi' (...) [rad/s]; see :func:`compute_rates`."""
+class ContactRates(NamedTuple):
+    """How a contact moves: s_f, s_o (..., 2) [m/s] over tip and body, in each surface's Gauss axes, and psi' (...) [rad/s]."""
+
+    s_f: Array
+    s_o: Array
+    psi: Array
+
+
+def solve_rates(on_f: ChartGeometry, on_o: ChartGeometry, psi: Array, V_C: Array) -> ContactRates:
+    """Return the rates of contacts that move with the twist ``V_C`` (..., 6); see :func:`compute_rates`."""
     P = build_psi_rotation(psi)[..., :2, :2]
     v, w = V_C[..., :2], np.stack([-V_C[..., 4], V_C[..., 3]], axis=-1)
     relative = compute_relative_curvature(on_f, on_o, P)
@@ -137,7 +145,7 @@ def solve_rates(
     s_f = np.asarray(np.linalg.solve(relative, right[..., None])[..., 0], dtype=np.float64)
     s_o = v + _apply(P, s_f)
     rate = np.sum(on_f.torsion * s_f, axis=-1) + np.sum(on_o.torsion * s_o, axis=-1) - V_C[..., 5]
-    return s_f, s_o, rate
+    return ContactRates(s_f, s_o, rate)
 
 
 def compute_relative_curvature(on_f: ChartGeometry, on_o: ChartGeometry, P: Array) -> Array:

@@ -12,7 +12,7 @@ from dexplan.brief import brief_repr
 from dexplan.contact.rolling.curves import RollingPath, join_paths, roll_along
 from dexplan.contact.rolling.manoeuvre import RollingBend, RollingTriangle, chain_triangles, solve_apex
 from dexplan.contact.rolling.turning import build_turn
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 LEG_SHARES = (1.0, 0.85, 0.7, 0.55, 0.4)
 """Legs that are tried, as shares of the longest: shorter ones get less far but may suit the hand where the longest does not."""
@@ -71,6 +71,9 @@ class Outset:
     before: RollingPath | None
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def length(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import asin, atan2, cos, pi, sin, sqrt, tan
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,14 @@ from dexplan.spatial import Array
 
 Rerotation = Literal["mirror", "lift", "none"]
 """What undoes the spin between cycles: the mirrored cycle, a lift that turns the tip back on the spot, or nothing."""
+
+
+class _Sides(NamedTuple):
+    """Arcs A-B and B-C on the ball [rad], and the angle beta between them [rad]."""
+
+    leg: float
+    base: float
+    angle: float
 
 
 @dataclass(frozen=True)
@@ -68,13 +76,13 @@ class RollingTriangle:
         return 2.0 * asin(sin(self.leg) * sin(0.5 * abs(self.apex)))
 
     @property
-    def lengths(self) -> tuple[float, float, float]:
+    def lengths(self) -> tuple[float, ...]:
         """Lengths of A-B, B-C, C-D [m], the same on tip and ball."""
         r = self.tip_radius
         return r * self.leg, r * self.base, r * self.leg
 
     @property
-    def turns(self) -> tuple[float, float, float]:
+    def turns(self) -> tuple[float, ...]:
         """Turns to the left [rad] before A-B (none), B-C and C-D, seen from outside the ball."""
         turn = pi - self.base_angle if self.apex > 0.0 else self.base_angle - pi
         return 0.0, turn, turn
@@ -261,7 +269,7 @@ class RollingBend:
     triangle: RollingTriangle
 
     @property
-    def lengths(self) -> tuple[float, float]:
+    def lengths(self) -> tuple[float, ...]:
         """Lengths of A-B and B-C [m]."""
         return self.triangle.lengths[:2]
 
@@ -285,9 +293,9 @@ class RollingBend:
         return -aside if self.triangle.apex > 0.0 else aside
 
     @property
-    def _sides(self) -> tuple[float, float, float]:
+    def _sides(self) -> _Sides:
         ratio = self.triangle.tip_radius / self.triangle.object_radius
-        return self.triangle.leg * ratio, self.triangle.base * ratio, self.triangle.base_angle
+        return _Sides(self.triangle.leg * ratio, self.triangle.base * ratio, self.triangle.base_angle)
 
     def roll(self, X_OF_start: ArrayLike, direction_O: ArrayLike, samples: int = SAMPLES) -> RollingPath:
         """Return the path that takes the contact towards ``direction_O`` (3,) from any touching pose (4, 4)."""

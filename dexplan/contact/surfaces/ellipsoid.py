@@ -90,7 +90,7 @@ class Ellipsoid(AbstractSurface):
 
     def coordinates(self, p_O: ArrayLike, chart: ArrayLike = 0) -> tuple[Array, Array]:
         """Return u, v (...) [rad] of points (..., 3), taken radially onto the surface."""
-        chart = as_chart_points(0.0, 0.0, chart, CHART_COUNT)[2]
+        chart = as_chart_points(0.0, 0.0, chart, CHART_COUNT).chart
         p = to_chart_axes(self.radial(p_O), chart)
         axes = to_chart_axes(np.asarray(self.semi_axes), chart)
         unit, flat = p / axes, axes[..., :2]
@@ -105,7 +105,8 @@ class Ellipsoid(AbstractSurface):
     def chart_margins(self, p_O: ArrayLike) -> Array:
         """Return cos u of the three charts (..., 3) at points (..., 3)."""
         unit = self.radial(p_O) / np.asarray(self.semi_axes)
-        return np.sqrt(np.clip(1.0 - unit[..., POLE_AXES] ** 2, 0.0, None))
+        cosine: Array = np.sqrt(np.clip(1.0 - unit[..., POLE_AXES] ** 2, 0.0, None))
+        return cosine
 
     def radial(self, direction: ArrayLike) -> Array:
         """Return the points (..., 3) [m] in these directions; raises ValueError for a zero one."""
@@ -113,7 +114,8 @@ class Ellipsoid(AbstractSurface):
         length = np.linalg.norm(direction / np.asarray(self.semi_axes), axis=-1, keepdims=True)
         if np.any(length == 0.0):
             raise ValueError("direction is zero; a vector that points somewhere is accepted")
-        return direction / length
+        on_surface: Array = direction / length
+        return on_surface
 
     def project(self, p_O: ArrayLike) -> Array:
         """Return the nearest points (..., 3) [m]; where several are as near, one of them.
@@ -162,7 +164,7 @@ def _solve_descent(logs: Array, flat: Array) -> Array:
     The logarithm of the sum is convex and grows: Newton from where it is positive never overshoots.
     """
     rate = 2.0 / flat**2
-    tau = np.maximum(-np.max(logs, axis=-1), 0.0) / np.min(rate, axis=-1)
+    tau: Array = np.maximum(-np.max(logs, axis=-1), 0.0) / np.min(rate, axis=-1)
     for _ in range(_NEWTON_STEPS):
         value, slope = _sum_of_exponentials(logs + rate * tau[..., None], rate)
         step = value / slope

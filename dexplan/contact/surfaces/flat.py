@@ -110,7 +110,8 @@ class Cylinder(AbstractSurface):
         """Return the nearest points (..., 3) [m]; raises ValueError on the axis, where all around is as near."""
         p = np.asarray(p_O, dtype=np.float64)
         scale = self._stretch(p)
-        return p * np.concatenate([scale, scale, np.ones_like(scale)], axis=-1)
+        on_surface: Array = p * np.concatenate([scale, scale, np.ones_like(scale)], axis=-1)
+        return on_surface
 
     def _stretch(self, p: Array) -> Array:
         off = np.hypot(p[..., 0], p[..., 1])[..., None]

@@ -55,7 +55,7 @@ class Sphere(AbstractSurface):
     def coordinates(self, p_O: ArrayLike, chart: ArrayLike = 0) -> tuple[Array, Array]:
         """Return latitude and longitude (...) [rad] of points (..., 3)."""
         n = self.radial(p_O) / self.radius
-        n = to_chart_axes(n, as_chart_points(0.0, 0.0, chart, CHART_COUNT)[2])
+        n = to_chart_axes(n, as_chart_points(0.0, 0.0, chart, CHART_COUNT).chart)
         return np.arctan2(n[..., 2], np.hypot(n[..., 0], n[..., 1])), np.arctan2(n[..., 1], n[..., 0])
 
     def chart_margins(self, p_O: ArrayLike) -> Array:
@@ -69,7 +69,8 @@ class Sphere(AbstractSurface):
         length = np.linalg.norm(direction, axis=-1, keepdims=True)
         if np.any(length == 0.0):
             raise ValueError("direction is zero; a vector that points somewhere is accepted")
-        return self.radius * direction / length
+        on_surface: Array = self.radius * direction / length
+        return on_surface
 
     def project(self, p_O: ArrayLike) -> Array:
         """Return the nearest points (..., 3) [m]; raises ValueError for the centre, which is as near to all."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 Charts = NDArray[np.intp]
 """Which chart of a surface coordinates belong to: integers, one per point."""
@@ -17,10 +18,10 @@ Charts = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class ChartGeometry:
-    """A surface at chart coordinates (u, v), to second order, in the axes of the body that owns it.
+    r"""A surface at chart coordinates (u, v), to second order, in the axes of the body that owns it.
 
     ``point`` (..., 3) [m]; ``x``, ``y`` (..., 3) the Gauss frame's unit tangents along growing u and v; ``normal`` (..., 3)
-    **outward**; ``lengths`` (..., 2) = (\\|p_u\\|, \\|p_v\\|) [m per unit of chart], the diagonal of M; ``curvature`` (..., 2, 2)
+    **outward**; ``lengths`` (..., 2) = (\|p_u\|, \|p_v\|) [m per unit of chart], the diagonal of M; ``curvature`` (..., 2, 2)
     K [1/m]; ``torsion`` (..., 2) T [1/m].
     """
 
@@ -33,6 +34,9 @@ class ChartGeometry:
     torsion: Array
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def frame(self) -> Array:
@@ -90,7 +94,8 @@ class AbstractSurface(ABC):
 
     def choose_chart(self, p_O: ArrayLike) -> Charts:
         """Return the chart (...) whose border is farthest from each of the points (..., 3)."""
-        return np.argmax(self.chart_margins(p_O), axis=-1)
+        best: Charts = np.argmax(self.chart_margins(p_O), axis=-1)
+        return best
 
     def margin(self, u: ArrayLike, v: ArrayLike, chart: ArrayLike = 0) -> Array:
         """Return how far (...) the border of the points' own chart is: 1 far away, 0 on it."""
@@ -128,13 +133,21 @@ class AbstractSurface(ABC):
         return self.geometry(u, v, chart).frame
 
 
-def as_chart_points(u: ArrayLike, v: ArrayLike, chart: ArrayLike, count: int) -> tuple[Array, Array, Charts]:
+class ChartPoints(NamedTuple):
+    """Points of a surface: coordinates u, v and chart, all of one shape (...)."""
+
+    u: Array
+    v: Array
+    chart: Charts
+
+
+def as_chart_points(u: ArrayLike, v: ArrayLike, chart: ArrayLike, count: int) -> ChartPoints:
     """Return u, v and chart broadcast to one shape; raises ValueError for a chart that a surface of ``count`` lacks."""
     index = np.asarray(chart, dtype=np.intp)
     if index.size and not 0 <= index.min() <= index.max() < count:
         raise ValueError(f"chart {index.tolist()} does not exist; charts 0 to {count - 1} are accepted")
     u, v = np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
     if u.shape == v.shape == index.shape:
-        return u, v, index
+        return ChartPoints(u, v, index)
     wide = np.broadcast_arrays(u, v, index)
-    return wide[0], wide[1], wide[2]
+    return ChartPoints(wide[0], wide[1], wide[2])

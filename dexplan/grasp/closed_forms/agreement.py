@@ -142,7 +142,8 @@ def _build_grasp(points: Array, normals: Array, model: ContactModel) -> Grasp:
 
 def _random_directions(rng: np.random.Generator, count: int) -> Array:
     d = rng.normal(size=(count, 3))
-    return d / np.linalg.norm(d, axis=1, keepdims=True)
+    unit: Array = d / np.linalg.norm(d, axis=1, keepdims=True)
+    return unit
 
 
 def _friction_near(critical: float, rng: np.random.Generator) -> float:

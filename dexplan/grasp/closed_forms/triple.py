@@ -18,6 +18,7 @@ grow with friction, so it is found by bisection.
 from __future__ import annotations
 
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,7 +106,15 @@ def check_hard_triple(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) -> C
     return ClosureResult(margin > 0.0, margin, "rad", meaning, rank)
 
 
-def _read(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) -> tuple[Array, Array, Array]:
+class _Triples(NamedTuple):
+    """Contact points and outward normals (..., 3, 3), one per row, and friction angles (..., 3) [rad]."""
+
+    points: Array
+    normals: Array
+    theta: Array
+
+
+def _read(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) -> _Triples:
     p, n = np.asarray(points, dtype=np.float64), np.asarray(normals, dtype=np.float64)
     friction = np.asarray(mu, dtype=np.float64)
     if p.shape != n.shape or p.shape[-2:] != (3, 3):
@@ -114,7 +123,7 @@ def _read(points: ArrayLike, normals: ArrayLike, mu: ArrayLike) -> tuple[Array, 
         raise ValueError("a normal has length zero; vectors that point somewhere are accepted")
     if not np.all(friction > 0.0):
         raise ValueError(f"friction is {friction.tolist()}; positive numbers are accepted")
-    return (
+    return _Triples(
         p,
         n,
         np.arctan(np.broadcast_to(friction[..., None] if friction.ndim == 0 else friction, p.shape[:-1])),

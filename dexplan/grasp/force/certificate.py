@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -84,7 +85,16 @@ def prove_optimality(problem: ForceProblem, forces: Array) -> OptimalityProof:
     return OptimalityProof(problem.compute_cost(forces), gap, dual, float(distance))
 
 
-def _collect_rows(problem: ForceProblem) -> tuple[Array, Array, Array, Array]:
+class _Rows(NamedTuple):
+    """The constraints ``E f = e``, ``A f <= b``."""
+
+    E: Array
+    e: Array
+    A: Array
+    b: Array
+
+
+def _collect_rows(problem: ForceProblem) -> _Rows:
     """Return E, e, A, b of ``E f = e``, ``A f <= b`` in plain forces, every row in newtons."""
     settings, limits = problem.settings, problem.limits
     size, per_length = problem.G.shape[1], np.repeat([1.0, 1.0 / settings.length], 3)
@@ -114,4 +124,4 @@ def _collect_rows(problem: ForceProblem) -> tuple[Array, Array, Array, Array]:
     A, b = np.concatenate(rows), np.concatenate(bounds)
     finite = np.isfinite(b)
     E, e = (np.zeros((0, size)), np.zeros(0)) if band > 0.0 else (G, wrench)
-    return E, e, A[finite], b[finite]
+    return _Rows(E, e, A[finite], b[finite])

@@ -40,7 +40,8 @@ class Loosening:
 
 class Diagnosis(NamedTuple):
     """``cures``, each enough by itself (none for a feasible program); x (n,) ``nearest`` to the wrench that keeps every other
-    limit, or None."""
+    limit, or None.
+    """
 
     cures: tuple[tuple[Loosening, ...], ...]
     nearest: Array | None

@@ -128,7 +128,7 @@ class ForceProblem:
         """Return the joint torques (F, J) [N m] that ``forces`` take, or None without torque maps."""
         if self.torque_maps is None:
             return None
-        torque = np.einsum("fjm,fm->fj", self.torque_maps, forces[:, : self.torque_maps.shape[2]])
+        torque: Array = np.einsum("fjm,fm->fj", self.torque_maps, forces[:, : self.torque_maps.shape[2]])
         return torque if self.torque_bias is None else torque + self.torque_bias
 
     def compute_torque_excess(self, forces: Array) -> Array:

@@ -12,7 +12,7 @@ from dexplan.contact.friction import ContactModel
 from dexplan.grasp.force.certificate import OptimalityProof, prove_optimality
 from dexplan.grasp.force.diagnosis import Loosening
 from dexplan.grasp.force.problem import ForceProblem
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +35,9 @@ class ForceSolution:
     iterations: int = 0
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def is_solved(self) -> bool:

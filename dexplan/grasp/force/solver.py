@@ -26,7 +26,7 @@ inequality is active P is affine, and each tick leaves s / (1 + s) of the way to
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,6 +62,15 @@ def compute_smoothness(tick: float, time_constant: float) -> float:
     if not (tick > 0.0 and time_constant >= 0.0):
         raise ValueError(f"tick {tick} s, time constant {time_constant} s; > 0 and >= 0 are accepted")
     return 1.0 / float(np.expm1(tick / time_constant)) if time_constant > 1e-3 * tick else 0.0
+
+
+class _Iterated(NamedTuple):
+    """What OSQP and the exact method behind it came to: scaled unknowns ``y``, whose they are, and after how many iterations."""
+
+    status: str
+    y: Array
+    method: str
+    iterations: int
 
 
 @final
@@ -227,7 +236,7 @@ class ForceSolver:
         x = np.full(self._size, np.nan) if nearest is None else nearest * rows.root
         return self._as_solution(x, status, problem, cures, "linear program", iterations)
 
-    def _iterate(self, program: Program, problem: ForceProblem) -> tuple[str, Array, str, int]:
+    def _iterate(self, program: Program, problem: ForceProblem) -> _Iterated:
         """Run OSQP, finish its work if it stops short, and believe it only if the wrench checks."""
         rows, settings = self._rows, self.settings
         answer = self._splitting.solve(program)
@@ -240,14 +249,14 @@ class ForceSolver:
                 y, said, method = exact, "solved", "exact"
         if said != "solved":
             text = f"unsolved: OSQP reports {said} after {answer.iterations} iterations"
-            return text, y, method, answer.iterations
+            return _Iterated(text, y, method, answer.iterations)
         residual = problem.G @ (y * rows.scale) - problem.wrench
         residual[3:] /= settings.length
         allowed = settings.wrench_tolerance + 10.0 * self._tolerance * (1.0 + np.abs(y).max())
         if not np.abs(residual).max() <= allowed:
             text = f"unsolved: the wrench is missed by {np.abs(residual).max():.1e} N"
-            return text, y, method, answer.iterations
-        return "solved", y, method, answer.iterations
+            return _Iterated(text, y, method, answer.iterations)
+        return _Iterated("solved", y, method, answer.iterations)
 
 
 def _check_finite(problem: ForceProblem) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states, worst
 from dexplan.planning.admissible.carry import follow_object, judge_carry, spin_tip
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
 
 
 def center_spin(hand: HandModel, placement: Placement, motion: ObjectMotion) -> Placement:

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.gait.steps import Step
 from dexplan.planning.ways.travel import describe_detour
+from dexplan.plans.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.spatial import Array
 
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.carry import follow_object
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.moves import Contacts, Move
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.spatial import Array
 
 

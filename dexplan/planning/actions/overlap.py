@@ -14,14 +14,14 @@ import numpy as np
 from dexplan.kinematics.arcs import build_travel, compute_hover, refine
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Action, Placement, Plan
 from dexplan.planning.actions.joining import Contacts, follow_actions
 from dexplan.planning.admissible.carry import follow_object
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
 from dexplan.planning.admissible.order import keeps_order
 from dexplan.planning.ways.detour import Surroundings, find_detour
 from dexplan.planning.ways.travel import Way
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Action, Placement, Plan
 from dexplan.spatial import Array
 
 TRAVEL = "travel"
@@ -128,7 +128,7 @@ def _find_journey(
     touching = tuple(c.finger for c in holders)
     moments = []
     for k, X_WO in enumerate(poses):
-        q = hand.q_home
+        q = hand.q_home.copy()
         q[list(touching)] = [way[k] for way in carried]
         moments.append(Surroundings(hand, q, X_WO, finger, touching))
     arc = build_journey(who, leaves, comes, motion)

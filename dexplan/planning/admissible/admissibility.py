@@ -20,7 +20,7 @@ from dexplan.kinematics.chain import (
 )
 from dexplan.planning.admissible.conditions import Condition, classify_nearness
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.spatial import GRAVITY, Array
+from dexplan.spatial import GRAVITY, Array, lock_arrays, read_only
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,19 @@ class FingerState:
     joint: float
     dexterity: float
 
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
 
 def compute_finger_states(hand: HandModel, finger: int, q: Array) -> list[FingerState]:
     """Return the states of ``finger`` at postures ``q`` (N, J) [rad]; one pass for all of them."""
     chain = hand.fingers[finger].chain
     X, J = compute_tip_pose(chain, q), compute_tip_jacobian(chain, q)
     joint, dexterity = compute_joint_margin(chain, q), compute_dexterity(chain, q)
-    return [FingerState(*row) for row in zip(q, X, J, joint, dexterity, strict=True)]
+    # Locked as a whole, so that no state has to copy its rows.
+    for stack in (X, J):
+        stack.setflags(write=False)
+    return [FingerState(*row) for row in zip(read_only(q), X, J, joint, dexterity, strict=True)]
 
 
 @dataclass(eq=False)

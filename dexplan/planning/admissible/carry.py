@@ -8,14 +8,14 @@ import numpy as np
 
 from dexplan.kinematics.chain import compute_tip_pose
 from dexplan.kinematics.following import follow_tip
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,
     Margins,
 )
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Placement
 from dexplan.spatial import Array, invert_pose
 
 
@@ -44,7 +44,7 @@ def judge_carry(
     rows: list[Margins] = []
     for k, X_WO in enumerate(poses):
         now = {finger: way[k] for finger, way in states.items()}
-        q = hand.q_home
+        q = hand.q_home.copy()
         for finger, state in now.items():
             q[finger] = state.q
         row = admissibility.compute_margins_of(now, q, X_WO, axis_W=axis, explain=False)

@@ -33,7 +33,7 @@ class Condition(StrEnum):
             return f"no two fingers reach contacts {describe_separation(beta, hand.friction.sliding)}"
         if self is Condition.JOINTS:
             kept = np.degrees(hand.limits.joint_margin)
-            return f"the joint ranges, {kept:.0f} deg kept from their ends, leave no two fingers contacts that hold"
+            return f"the joint ranges, {kept:.3g} deg kept from their ends, leave no two fingers contacts that hold"
         if self is Condition.ALLOWED:
             return "object.allowed_regions leave no two fingers contacts that hold"
         if self is Condition.WEIGHT:
@@ -57,7 +57,7 @@ def explain_locked_joint(hand: HandModel, finger: int) -> str:
         return ""
     name = description.joint_names[int(ranges.argmin())].replace("/", ".")
     return (
-        f"{name} has a range of {np.degrees(ranges.min()):.1f} deg, and a finger that holds keeps {np.degrees(margin):.0f} deg "
+        f"{name} has a range of {np.degrees(ranges.min()):.1f} deg, and a finger that holds keeps {np.degrees(margin):.3g} deg "
         "to either end"
     )
 

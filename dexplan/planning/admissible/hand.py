@@ -14,8 +14,10 @@ from dexplan.contact.surfaces.sphere import require_sphere
 from dexplan.kinematics.chain import compute_joint_margin
 from dexplan.kinematics.finger import FingerDescription
 from dexplan.kinematics.workspace import Workspace
+from dexplan.planning.admissible.limits import AdmissibleLimits
+from dexplan.plans.forces import NormalForces
 from dexplan.scene.description import Nearness, ObjectDescription
-from dexplan.spatial import Array
+from dexplan.spatial import Array, read_only
 
 
 class Probe(Protocol):
@@ -42,38 +44,12 @@ class Probe(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class AdmissibleLimits:
-    """What a state must leave to spare to be planned through."""
-
-    joint_margin: float = float(np.radians(5.0))
-    """Distance of every joint to its limits [rad]."""
-    travel_margin: float = float(np.radians(4.0))
-    """The same for a free finger on its way [rad].  The judge asks 3 degrees of every finger at every sample; the rest is for
-    what execution adds."""
-    dexterity: float = 0.25
-    """Smallest singular value of a loaded finger's Jacobian, lengths in 60 mm: away from singular postures."""
-    cone_share: float = 0.98
-    """Share of the believed friction cone that planned forces may use.  The pyramid inscribed in the cone keeps up to 4 % back by
-    itself.  A pure squeeze between two contacts 140 degrees apart already uses 0.86 of the cone at mu 0.55 / 1.3: a share of
-    0.8 would refuse grasps that hold in the simulator with a quiet utilisation of 0.72."""
-    closure_margin: float = float(np.radians(1.5))
-    """Angle that a pair keeps between its chord and the border of the believed friction cones [rad]."""
-    torque_share: float = 0.70
-    """Share of the torque limits that planned forces may use."""
-    clearance: float = 0.002
-    """Distance between bodies that do not touch [m]."""
-    normal_floor: float = 4.0
-    normal_ceiling: float = 12.0
-    """Least and greatest normal force of a loaded contact [N]."""
-
-
 @dataclass(frozen=True, eq=False)
 class HandModel:
     """A hand around an object, as the planner sees it.
 
     ``friction`` is the *believed* one; ``hover`` [m] the gap at which approaches start; ``acceleration`` the largest planned
-    angular acceleration of the object [rad/s^2].
+    angular acceleration of the object [rad/s^2]; ``normal_force`` [N] what a loaded contact aims at.
     """
 
     fingers: tuple[FingerDescription, ...]
@@ -82,7 +58,7 @@ class HandModel:
     friction: SoftFinger
     probe: Probe
     limits: AdmissibleLimits = field(default_factory=AdmissibleLimits)
-    normal_force: float = 5.0
+    normal_force: float = NormalForces.target
     hover: float = 0.008
     acceleration: float = 2.8
     tip_polar_limit: float = float(np.radians(80.0))
@@ -98,12 +74,12 @@ class HandModel:
     @cached_property
     def p_WF_home(self) -> Array:
         """Tip centres (F, 3) [m] at home, in W."""
-        return np.stack([f.pose_at(f.q_home)[:3, 3] for f in self.fingers])
+        return read_only(np.stack([f.pose_at(f.q_home)[:3, 3] for f in self.fingers]))
 
-    @property
+    @cached_property
     def q_home(self) -> Array:
-        """Home postures (F, J) [rad]."""
-        return np.stack([f.q_home for f in self.fingers])
+        """Home postures (F, J) [rad]; who wants to write into them takes a copy."""
+        return read_only(np.stack([f.q_home for f in self.fingers]))
 
 
 def compute_travel_margin(hand: HandModel, finger: int) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.spatial import GRAVITY, Array
+from dexplan.spatial import GRAVITY, Array, lock_arrays
 
 SQUEEZES = 8
 """Squeezes tried between the least and the greatest normal force."""
@@ -37,6 +37,9 @@ class PairLoads:
     torsions: Array
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def compute_object_wrench(hand: HandModel, axis_W: Array | None) -> Array:

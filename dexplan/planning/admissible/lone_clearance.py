@@ -70,7 +70,7 @@ class LoneClearance:
 
     def _refuse(self, finger: int, center: Array, X_WF: Array, touching: tuple[int, ...]) -> list[str]:
         hand, X_WO, refusals = self.hand, make_pose(p=center), []
-        posture, others = hand.q_home, list_others(hand, finger)
+        posture, others = hand.q_home.copy(), list_others(hand, finger)
         for q, is_reached in zip(*solve_tip_pose(hand.workspaces[finger], X_WF), strict=True):
             posture[finger] = q
             clearance, names = (

@@ -1,16 +1,18 @@
-"""How hard the fingers squeeze: as hard as ever, less where a light object would be entered too deep, or not at all."""
+"""How hard the fingers squeeze: as hard as asked, less where a light object would be entered too deep, or not at all."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from dexplan.contact.friction import SoftFinger
+from dexplan.plans.forces import NormalForces
 from dexplan.spatial import GRAVITY
 
-NORMAL_FORCE = 5.5
-"""Normal force that a loaded contact aims at [N]; the force QP raises it where the load asks for more."""
-FLOOR_SHARE, CEILING = 4.0 / 5.5, 12.0
-"""Least normal force of a loaded contact over the one it aims at, and the greatest one [N]."""
+USUAL = NormalForces()
+"""The normal forces of a problem that asks for none."""
+MEASURED_AT = 5.5
+"""Normal force [N] with which ``friction.safety`` was found to cover what execution adds (see :data:`FOLLOWING_FORCE`)."""
 FLOOR_OF_CEILING = 0.48
 """The least normal force is at most this share of the greatest one: while fingers are exchanged one contact bears what two others
 on its far side press, and has to stay below its greatest force while they stay above their least.  Binds for light objects only,
@@ -34,13 +36,14 @@ FOLLOWING_FORCE = 0.25
 """Friction that following errors take from a contact, as a normal force [N].  A finger that takes over load bears up to 0.09 N
 less than it is told and is twisted by up to 1 mN m that nobody planned, whatever the squeeze (measured at 1.6, 2.3 and 2.7 g).
 At 5.5 N ``friction.safety`` covers that where torsional friction is 2.5 mm; with less squeeze, less friction is believed.
-Not covered: 5.5 N with small tips, whose torsional friction is 0.7 to 1.3 mm (see :data:`FOLLOWING_TORQUE`)."""
+Measured while the controller followed within 150 ms; within 20 ms, as now, errors are a third, so this
+and what follows refuse more than they need to."""
 FOLLOWING_TORQUE, LEFT_FOR_TORSION = 1.2e-3, 0.8
 """Torque [N m] by which two holding tips twist against one another while they carry the object, for their joints lag by unlike
 angles, and the share of the believed torsional friction that it may use.
 
-Measured at 3.8 g, 0.27 sliding and 0.8 mm torsional friction: 1.2 mN m, nearly all that the contacts bore.  At 94 and 156 g, with
-more squeeze, it was 1.7 to 3 mN m; this rule binds for light objects only, so heavier ones on small tips may still slide."""
+Measured at 3.8 g, 0.27 sliding and 0.8 mm torsional friction, with ticks of 4 ms: 1.2 mN m, nearly all that the contacts bore.
+Shorter ticks (``choose_rate``) leave less; how much less this rule could ask for was not measured again."""
 CONE_SHARE = 0.7
 """Share of the believed friction that load and touch-down may use of the least squeeze."""
 
@@ -56,19 +59,25 @@ class Squeeze:
 
     @property
     def friction_share(self) -> float:
-        """Share of the believed friction that planner and controller may count on; 1 with :data:`NORMAL_FORCE`."""
-        return 1.0 - FOLLOWING_FORCE * (1.0 / max(self.normal, LEAST) - 1.0 / NORMAL_FORCE)
+        """Share of the believed friction that planner and controller may count on; 1 from :data:`MEASURED_AT` on."""
+        return min(1.0, 1.0 - FOLLOWING_FORCE * (1.0 / max(self.normal, LEAST) - 1.0 / MEASURED_AT))
 
 
-def choose_squeeze(mass: float, friction: SoftFinger, bearable: float, greatest: float) -> Squeeze:
-    """Return how hard an object of ``mass`` [kg] is squeezed.
+def choose_squeeze(
+    mass: float, friction: SoftFinger, bearable: float, greatest: float, asked: NormalForces = USUAL
+) -> Squeeze:
+    """Return how hard an object of ``mass`` [kg] is squeezed: as asked, less where the tips would stand too deep in it.
+
+    More than the usual target is asked for by somebody who means it, and is refused where it is too deep; the usual one, or less,
+    is lowered.  How little is asked for is the asker's business: less squeeze, less friction is believed.
 
     Args:
         friction: the believed one.
         bearable: normal force [N] under which tips are predicted to stand :data:`DEPTH` deep in the object at rest.
         greatest: the same for :data:`DEPTH_CEILING`.
+        asked: what the problem asks for.
     """
-    normal = min(NORMAL_FORCE, bearable)
+    normal = min(asked.target, bearable)
     landing = TOUCH_DOWN + TOUCH_DOWN_PER_MASS * mass
     needed = max(
         LEAST,
@@ -76,11 +85,20 @@ def choose_squeeze(mass: float, friction: SoftFinger, bearable: float, greatest:
         FOLLOWING_TORQUE / (LEFT_FOR_TORSION * friction.torsional),
     )
     refusal = ""
-    if normal < min(needed, NORMAL_FORCE):
+    if normal < min(needed, asked.target, USUAL.target):
         refusal = (
             f"an object of {1e3 * mass:.3g} g is too light for this hand: squeezed with more than {normal:.3g} N its contacts "
             f"are deeper than {1e6 * DEPTH:.0f} um in the simulator, and to carry it, and to exchange fingers, takes "
             f"{needed:.3g} N; use a heavier object (object.mass_kg) or more friction (friction.sliding, friction.torsional_m)"
         )
-    ceiling = max(normal, min(CEILING, greatest))
-    return Squeeze(normal, min(FLOOR_SHARE * normal, FLOOR_OF_CEILING * ceiling), ceiling, refusal)
+    elif normal < asked.target and asked.target > USUAL.target:
+        refusal = (
+            f"an object of {1e3 * mass:.3g} g is too light for the {asked.target:.3g} N that are asked for: squeezed with more "
+            f"than {normal:.3g} N its contacts are deeper than {1e6 * DEPTH:.0f} um in the simulator; ask for at most "
+            f"{math.floor(1e2 * normal) / 1e2:g} N (forces.normal_N), or use a heavier object (object.mass_kg)"
+        )
+    ceiling = max(normal, min(asked.ceiling, greatest))
+    floor = asked.floor if normal == asked.target else asked.floor / asked.target * normal
+    if ceiling < asked.ceiling:
+        floor = min(floor, FLOOR_OF_CEILING * ceiling)
+    return Squeeze(normal, floor, ceiling, refusal)

@@ -14,9 +14,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from dexplan.errors import spell_apart
-from dexplan.plan.plan import Action
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.plan import Action
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array
 
 NEAR = float(np.radians(5.0))

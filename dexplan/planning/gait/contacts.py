@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dexplan.plan.motion import STEP
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.admissibility import FingerState, compute_finger_states
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
@@ -32,6 +30,8 @@ from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.orbits import OUT_OF_REACH, Orbit, build_fixed_orbit, build_orbits
 from dexplan.planning.regions.regions import compute_regions
 from dexplan.planning.regions.theorems import check_theorem_1
+from dexplan.plans.motion import STEP
+from dexplan.plans.plan import Placement
 from dexplan.spatial import Array, invert_pose
 
 NEAR = float(np.radians(6.0))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plan.plan import Action
+from dexplan.plans.plan import Action
 
 ROOM = 5.0
 """Clearance [mm] from which on more of it is worth nothing."""

@@ -19,7 +19,7 @@ from dexplan.planning.admissible.loads import compute_pair_loads
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.held import Held
 from dexplan.planning.regions.regions import compute_regions
-from dexplan.spatial import Array, rotate_about
+from dexplan.spatial import Array, lock_arrays, rotate_about
 
 AXES = 1
 """Level of the icosphere whose vertices are the axes tried: 42 of them."""
@@ -44,6 +44,9 @@ class Escape:
     axis_W: Array
     angle: float
     room: int
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def find_escapes(table: ContactTable, held: tuple[Held, Held]) -> list[Escape]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,9 @@ class Candidates:
     station: NDArray[np.intp]
     normals: Array
     carry: NDArray[np.intp]
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     def pick(self, finger: int, row: int) -> Held:
         """Return the contact of one row."""

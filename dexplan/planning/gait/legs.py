@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dexplan.plan.motion import SHIFT_STEP, STEP
+from dexplan.plans.motion import SHIFT_STEP, STEP
 from dexplan.spatial import Array, read_only, rotate_about
 
 CIRCLE = 180

@@ -19,7 +19,7 @@ from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_near, s
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import list_others, remember_clearances
 from dexplan.planning.gait.legs import Leg
-from dexplan.spatial import Array, make_pose, read_only
+from dexplan.spatial import Array, lock_arrays, make_pose, read_only
 
 _JUMP = 0.30
 """Joint steps between neighbouring stations beyond this mean another branch [rad]."""
@@ -50,6 +50,9 @@ class Orbit:
     limit: tuple[str, ...]
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     def run(self, hand: HandModel, leg: Leg, landed: int) -> Array:
         """Return the postures (carry + 1, J) of the finger that landed at station ``landed``, on one branch."""
@@ -213,7 +216,7 @@ def _look_around(
     One station in ``every`` is looked at and speaks for its neighbours: whatever a plan goes through is looked at again.
     """
     shifts = leg.motions[1]
-    posture, others = hand.q_home, list_others(hand, finger)
+    posture, others = hand.q_home.copy(), list_others(hand, finger)
     group = np.arange(ok.shape[1]) // every
     for row in range(len(ok)):
         for g in np.unique(group[ok[row]]):

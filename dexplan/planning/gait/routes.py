@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexplan.plan.goal import RotationGoal
 from dexplan.planning.gait.legs import Leg
+from dexplan.plans.goal import RotationGoal
 from dexplan.spatial import VERTICAL, Array, rotate_about
 
 

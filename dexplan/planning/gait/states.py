@@ -146,7 +146,7 @@ class StateChecks:
         if key not in self._bias:
             states = self._table.states_ahead(held.carried(-held.steps), held.steps + held.left + 1)
             sampled = sorted({*range(0, len(states), _SAMPLE), len(states) - 1})
-            q, rows = self._hand.q_home, []
+            q, rows = self._hand.q_home.copy(), []
             for k in sampled:
                 q[held.finger] = states[k].q
                 rows.append(self._hand.probe.compute_gravity_torque(q)[held.finger])
@@ -157,7 +157,7 @@ class StateChecks:
         return self._bias[key]
 
     def _postures(self, held: tuple[Held, ...]) -> Array:
-        q = self._hand.q_home
+        q = self._hand.q_home.copy()
         for h in held:
             q[h.finger] = self._table.state(h).q
         return q

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plan.plan import Placement
 from dexplan.planning.ways.travel import Way
-from dexplan.spatial import Array
+from dexplan.plans.plan import Placement
+from dexplan.spatial import Array, lock_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,9 @@ class Step:
     axis_W: Array | None = None
     is_rewind: bool = False
     ways: Mapping[int, Way] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def is_still(self) -> bool:

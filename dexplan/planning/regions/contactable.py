@@ -21,7 +21,7 @@ from dexplan.kinematics.pointing import can_point, is_same_finger, move_to_base,
 from dexplan.kinematics.spherical_wrist import SphericalWrist, find_sampled_branches, find_spherical_wrist
 from dexplan.kinematics.workspace import Workspace, compute_aligned_pose
 from dexplan.planning.regions.spherical import FINE, LevelSet
-from dexplan.spatial import Array, read_only
+from dexplan.spatial import Array, lock_arrays, read_only
 
 COARSE = 3
 """Level of the grid at which every direction before the finger is asked; those near the border are asked down to the finest."""
@@ -79,6 +79,9 @@ class Question:
     dexterity: Array
     """Dexterity (N,) where it is known well enough, NaN where it is asked for."""
 
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
 
 Answer = tuple[Array, Array, NDArray[np.bool_], Array]
 """Field (N,) [rad], postures (N, J), whether these touch (N,), and their dexterity (N,)."""
@@ -101,6 +104,9 @@ class Contactable:
     margin: Array
     postures: Array
     is_solved: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     def compute_margin(self, directions: Array) -> Array:
         """Return the field (N,) [rad] at unit vectors (N, 3) exactly: the inverse kinematics is solved there."""

@@ -20,7 +20,7 @@ from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.regions.contactable import ContactLimits, Toucher, compute_contactable
 from dexplan.planning.regions.spherical import SphericalRegion, build_cap, build_closure
 from dexplan.scene.description import ContactCone
-from dexplan.spatial import Array, invert_pose, make_pose, read_only
+from dexplan.spatial import Array, invert_pose, lock_arrays, make_pose, read_only
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,9 @@ class Regions:
     contactable: tuple[SphericalRegion, ...]
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def directions(self) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dexplan.brief import brief_repr
 from dexplan.icosphere import Arcs, Icosphere, build_icosphere, compute_distance_field, measure_angle
-from dexplan.spatial import Array, build_frame, read_only
+from dexplan.spatial import Array, build_frame, lock_arrays, read_only
 
 Margin = Callable[[Array], Array]
 """Signed margins (N,) [rad] at unit vectors (N, 3), in the axes of a grid."""
@@ -40,6 +40,9 @@ class LevelSet:
     exact: Margin
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @cached_property
     def arcs(self) -> Arcs | None:
@@ -126,6 +129,9 @@ class SphericalRegion:
     name: str = ""
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     # -- set algebra -----------------------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from dexplan.errors import spell_apart
 from dexplan.icosphere import measure_angle
 from dexplan.planning.regions.regions import Regions
 from dexplan.planning.regions.spherical import SphericalRegion
-from dexplan.spatial import Array, read_only
+from dexplan.spatial import Array, lock_arrays, read_only
 
 _CANDIDATES = 24
 _NEARLY = float(np.radians(0.5))
@@ -44,6 +44,9 @@ class GaitCondition:
     witness_O: Array | None = None
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def check_theorem_1(
@@ -104,6 +107,9 @@ class RewindCondition:
     y_O: Array | None = None
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 _MAYBE = "; the condition is sufficient only, rewinds may exist all the same"
@@ -197,6 +203,9 @@ class RewindAlong:
     first: int | None = None
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def check_rewind_along(

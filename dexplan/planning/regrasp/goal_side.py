@@ -11,7 +11,6 @@ from collections import Counter
 from dataclasses import dataclass, field
 from itertools import combinations
 
-from dexplan.plan.motion import rest_at
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.conditions import without_numbers
 from dexplan.planning.admissible.hand import HandModel
@@ -22,6 +21,7 @@ from dexplan.planning.regrasp.relocation_bound import Pair, RelocationBound
 from dexplan.planning.regrasp.still import Stand, StillContacts
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair
+from dexplan.plans.motion import rest_at
 from dexplan.spatial import Array
 
 OPTIONS = 2

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dexplan.plan.motion import ObjectMotion
 from dexplan.planning.admissible.admissibility import Admissibility, FingerState, compute_finger_states, worst
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.regrasp.still import Stand, StillContacts
+from dexplan.plans.motion import ObjectMotion
 from dexplan.spatial import Array
 
 LAYER_ANGLE, LAYER_SHIFT = float(np.radians(12.0)), 6e-3

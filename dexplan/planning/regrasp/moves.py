@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
-from dexplan.plan.roll import Roll
 from dexplan.planning.rolling.roll_to_goal import measure_angle
-from dexplan.spatial import Array
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Placement
+from dexplan.plans.roll import Roll
+from dexplan.spatial import Array, lock_arrays
 
 Contacts = tuple[Placement | None, ...]
 """Per finger where it touches, None where it is free."""
@@ -31,6 +31,9 @@ class Move:
     motion: ObjectMotion | None = None
     way: Array | None = None
     """The postures (K, J) of the finger's way where they are not the arc's, as it walks them."""
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 @dataclass(frozen=True, eq=False)

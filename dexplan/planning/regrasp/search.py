@@ -10,8 +10,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Placement
 from dexplan.planning.regrasp.goal_side import OPTIONS, GoalSide
 from dexplan.planning.regrasp.layers import Layers
 from dexplan.planning.regrasp.moves import Adjustment, Contacts, Move, is_same
@@ -21,6 +19,8 @@ from dexplan.planning.regrasp.stand_search import AbstractStandSearch
 from dexplan.planning.regrasp.still import land_again
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Placement
 from dexplan.spatial import Array
 
 PATIENCE = 30

@@ -10,7 +10,6 @@ from dexplan.kinematics.arcs import build_travel, compute_hover
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,
@@ -24,6 +23,7 @@ from dexplan.planning.admissible.order import keeps_order
 from dexplan.planning.admissible.separation import compute_opposition, compute_pair_angle_max
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
+from dexplan.plans.plan import Placement
 from dexplan.spatial import Array, invert_pose
 
 Stand = tuple[int | None, ...]
@@ -153,7 +153,7 @@ class StillContacts:
 
     def postures(self, stand: Stand) -> Array:
         """Return the postures (F, J) of a stand, free fingers at home."""
-        q = self.hand.q_home
+        q = self.hand.q_home.copy()
         for finger, spot in enumerate(stand):
             if spot is not None:
                 q[finger] = self.spots[spot].q

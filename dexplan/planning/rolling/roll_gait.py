@@ -20,8 +20,6 @@ from dexplan.errors import spell_apart
 from dexplan.kinematics.arcs import build_travel, compute_hover, refine
 from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.kinematics.following import follow_tip
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, compute_finger_states, worst
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
 from dexplan.planning.admissible.separation import compute_pair_angle_max
@@ -31,6 +29,8 @@ from dexplan.planning.admissible.tip_rotation import (
     measure_rotation,
     trace_on_tip,
 )
+from dexplan.plans.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array
 
 STEP = float(np.radians(1.0))
@@ -135,7 +135,7 @@ def judge_ways(
     count = len(next(iter(ways.values())))
     rows: list[Margins] = []
     for k in (count - 1, *range(count - 1)):
-        q = hand.q_home
+        q = hand.q_home.copy()
         for finger, way in ways.items():
             q[finger] = way[k]
         here = {i: rows_i[k] for i, rows_i in states.items()}
@@ -271,7 +271,7 @@ class RollToPair:
         self, contacts: tuple[Placement | None, ...], pair: tuple[int, int], lifted: int
     ) -> tuple[Margins | None, str]:
         """Return the margins of holding with the pair alone once the third finger has gone home; else why it cannot go."""
-        q = self.hand.q_home
+        q = self.hand.q_home.copy()
         for finger in pair:
             placement = contacts[finger]
             assert placement is not None

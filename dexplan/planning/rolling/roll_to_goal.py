@@ -7,8 +7,6 @@ from itertools import permutations
 
 import numpy as np
 
-from dexplan.plan.plan import Placement
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
@@ -21,6 +19,8 @@ from dexplan.planning.rolling.roll_gait import (
     follow_roll,
     judge_ways,
 )
+from dexplan.plans.plan import Placement
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array
 
 ROLL_REACH = float(np.radians(45.0))

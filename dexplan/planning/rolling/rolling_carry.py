@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.plan.roll import Roll
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import end_placement, follow_roll
+from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plans.roll import Roll
 from dexplan.spatial import Array, rotate_about
 
 STEP = float(np.radians(1.0))
@@ -88,7 +88,7 @@ def plan_rolling_turn(
             last, limit, finger = min(last, len(q) - 1), refusal, placement.finger
     rows: list[Margins] = []
     for k in range(last + 1):
-        q = hand.q_home
+        q = hand.q_home.copy()
         for i, way in ways.items():
             q[i] = way[k]
         row = admissibility.compute_margins(q, turned[k], tuple(sorted(ways)), axis_W=np.sign(angle) * axis_W)

@@ -8,13 +8,13 @@ import numpy as np
 
 from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Placement
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.conditions import Condition, classify_nearness, explain_locked_joint
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import list_others
 from dexplan.planning.tasks.pair_survey import find_nearest_at_home
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Placement
 from dexplan.scene.description import STANDING, Nearness
 from dexplan.spatial import Array, make_pose
 
@@ -94,11 +94,11 @@ def explain_contact(
         )
         return (
             Condition.JOINTS,
-            f"{name} would be {left}, and {np.degrees(limits.joint_margin):.0f} deg are kept",
+            f"{name} would be {left}, and {np.degrees(limits.joint_margin):.3g} deg are kept",
         )
     if float(estimate_dexterity(chain, q[None])[0]) < limits.dexterity:
         return Condition.POSTURE, "its posture would be nearly singular"
-    posture = hand.q_home
+    posture = hand.q_home.copy()
     posture[finger] = q
     nearest = hand.probe.find_nearest(posture, make_pose(p=center), (finger,), list_others(hand, finger))
     if nearest.distance < limits.clearance:

@@ -14,9 +14,6 @@ from typing import Literal
 import numpy as np
 
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Plan
 from dexplan.planning.actions.overlap import overlap_travel
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.cost import Improvement
@@ -24,6 +21,9 @@ from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_conta
 from dexplan.planning.tasks.object_manipulation import FIRST, Start
 from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Pass
 from dexplan.planning.tasks.stages import Stages
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Plan
 
 KIND = "dextrous_manipulation"
 Order = Literal["object_first", "grasp_first", "simultaneous"]

@@ -12,8 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Action, Plan
 from dexplan.planning.actions.joining import Contacts, follow_actions, without_holds
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -21,6 +19,8 @@ from dexplan.planning.regrasp.still import StillContacts
 from dexplan.planning.rolling.roll_gait import build_roll_actions
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotations
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Action, Plan
 from dexplan.spatial import VERTICAL
 
 BUDGETS = (12, 12, 50, 400)

@@ -10,9 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
 from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import (
@@ -25,6 +22,9 @@ from dexplan.planning.admissible.admissibility import (
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
 from dexplan.spatial import Array, read_only
 
 LIMIT_REACHED = "limit_reached"

@@ -13,9 +13,6 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import ObjectMotion, rest_at
-from dexplan.plan.plan import Plan
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
 from dexplan.planning.actions.joining import Contacts
 from dexplan.planning.admissible.hand import HandModel
@@ -25,6 +22,9 @@ from dexplan.planning.tasks.object_manipulation import FIRST, Start
 from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Outcome, scale_work
 from dexplan.planning.tasks.reorient import Turns
 from dexplan.planning.tasks.stages import Stages
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion, rest_at
+from dexplan.plans.plan import Plan
 from dexplan.spatial import VERTICAL, Array
 
 KIND = "grasp_adjustment"

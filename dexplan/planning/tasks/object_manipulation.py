@@ -10,8 +10,6 @@ import numpy as np
 
 from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import solve_standing
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import SOLVED, Action, Placement, Plan
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.conditions import Condition
@@ -27,6 +25,8 @@ from dexplan.planning.gait.search import CURE, GaitSearch, Node
 from dexplan.planning.gait.start_pairs import explain_unreachable
 from dexplan.planning.tasks.blocked import StartContact, explain_start_contact, may_hold_at
 from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import SOLVED, Action, Placement, Plan
 
 Start = tuple[StartContact | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or

@@ -15,8 +15,6 @@ from itertools import product
 
 import numpy as np
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
@@ -24,7 +22,9 @@ from dexplan.planning.gait.escape import DEAR, ENOUGH, count_room_at, find_place
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.rolling.roll_gait import STEP, build_roll, end_placement, follow_roll, judge_ways
 from dexplan.planning.rolling.roll_to_goal import Rolled
-from dexplan.spatial import Array, build_frame
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.spatial import Array, build_frame, lock_arrays
 
 HEADINGS = 12
 """Directions in which a contact may roll, evenly around its normal."""
@@ -44,6 +44,9 @@ class _Candidate:
     toward: Array
     angles: tuple[float, float]
     normals_W: tuple[Array, Array]
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 @dataclass(eq=False)

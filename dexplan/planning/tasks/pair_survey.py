@@ -146,7 +146,7 @@ class PairSurvey:
         """Note what comes too near while a finger touches along a direction, all others at home but the ``absent`` ones."""
         key = (finger, direction, absent)
         if key not in self._nearest:
-            q = self.hand.q_home
+            q = self.hand.q_home.copy()
             q[finger] = self._postures[finger][direction]
             self._nearest[key] = self.hand.probe.find_nearest(q, self.X_WO, (finger,), absent)
         return self._note(self._nearest[key])
@@ -217,7 +217,7 @@ class PairSurvey:
 
     def _place(self, pair: Pair) -> Array:
         i, j, v, w = pair
-        q = self.hand.q_home
+        q = self.hand.q_home.copy()
         q[i], q[j] = self._postures[i][v], self._postures[j][w]
         return q
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import Action
 from dexplan.planning.actions.joining import Contacts
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Action
 
 GAVE_UP = "budget_exhausted"
 """Status of a plan where the search stopped with ways left: nobody knows whether one of them leads to the goal."""

@@ -11,11 +11,11 @@ import numpy as np
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.grasp.margin import solve_bounded_margin
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.plan.motion import ObjectMotion
 from dexplan.planning.actions.joining import Contacts
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.tasks.stages import Stages
-from dexplan.spatial import GRAVITY, Array, build_frame, rotate_about, rotation_vector
+from dexplan.plans.motion import ObjectMotion
+from dexplan.spatial import GRAVITY, Array, build_frame, lock_arrays, rotate_about, rotation_vector
 
 AXES = 96
 """Axes about which turns are tried."""
@@ -46,6 +46,9 @@ class Turn:
     axis_W: Array
     angle: float
     away: float
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
     @property
     def cost(self) -> float:

@@ -12,8 +12,6 @@ from dataclasses import replace
 from itertools import islice
 from typing import Literal
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.plan import Action, Plan
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -22,6 +20,8 @@ from dexplan.planning.rolling.roll_gait import RollPlan, RollToPair, build_roll_
 from dexplan.planning.tasks.ends import Beginning
 from dexplan.planning.tasks.object_manipulation import FIRST, Start, plan_rotation
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Action, Plan
 
 OPTIONS = 8
 """Ways to roll three fingers that are tried before the goal is given up."""

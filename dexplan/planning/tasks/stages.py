@@ -12,9 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.plan.goal import RotationGoal
-from dexplan.plan.motion import ObjectMotion
-from dexplan.plan.plan import SOLVED, Action, GoalContact, Placement, Plan
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
 from dexplan.planning.actions.joining import Contacts, build_move_actions, enclose, follow_actions
 from dexplan.planning.admissible.admissibility import Admissibility
@@ -38,6 +35,9 @@ from dexplan.planning.tasks.passes import (
     explain_giving_up,
     scale_work,
 )
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import SOLVED, Action, GoalContact, Placement, Plan
 from dexplan.spatial import VERTICAL, Array
 
 SEARCH_BUDGET = 160

@@ -19,7 +19,7 @@ from dexplan.kinematics.arcs import interpolate
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.order import keeps_order
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 SEED = 1
 CHECKS = 1200
@@ -60,6 +60,9 @@ class Surroundings:
     finger: int
     touching: tuple[int, ...]
 
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
     @cached_property
     def _arms(self) -> dict[int, Array]:
         """Return the tips' centres as seen from the object's."""
@@ -92,6 +95,9 @@ class Detour:
     clearance: float
     names: str
     checks: int
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 def find_detour(around: tuple[Surroundings, ...], q_start: Array, q_end: Array) -> Detour:

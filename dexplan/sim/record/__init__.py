@@ -1,1 +1,8 @@
-"""."""
+"""Steps the world under the controller and records what happened; a run that fails keeps its trace so far.
+
+===========  ==========================================================================
+``rollout``  ``rollout(scene, reference, options)``: the run, as a ``Trace``
+===========  ==========================================================================
+"""
+
+__all__ = ["rollout"]

@@ -16,9 +16,10 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
-from dexplan.plan.poses import read_pose, write_pose
-from dexplan.plan.roll import Roll
-from dexplan.plan.speed import PlannedSpeed
+from dexplan.plans.forces import NormalForces
+from dexplan.plans.poses import read_pose, write_pose
+from dexplan.plans.roll import Roll
+from dexplan.plans.speed import PlannedSpeed
 from dexplan.spatial import Array, read_only
 
 FORMAT = 1
@@ -147,8 +148,8 @@ class Plan:
     normal_force: float
     statistics: Mapping[str, float] = field(default_factory=dict)
     goal_contacts: tuple[GoalContact | None, ...] | None = None
-    normal_floor: float = 4.0
-    normal_ceiling: float = 12.0
+    normal_floor: float = NormalForces.floor
+    normal_ceiling: float = NormalForces.ceiling
     speed: PlannedSpeed | None = None
 
     __repr__ = brief_repr
@@ -333,6 +334,6 @@ class Plan:
 
     def explain(self) -> str:
         """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
-        from dexplan.plan.words import explain_plan
+        from dexplan.plans.words import explain_plan
 
         return explain_plan(self)

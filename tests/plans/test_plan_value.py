@@ -11,8 +11,8 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.errors import RunFolderError
-from dexplan.plan.plan import MAY, MUST, MUST_NOT, Plan
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.plan import MAY, MUST, MUST_NOT, Plan
 from dexplan.problems.problem import Problem
 from dexplan.spatial import rotate_about
 

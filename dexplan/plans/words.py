@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dexplan.plan.plan import Action, Placement, Plan
-from dexplan.plan.roll import Roll
+from dexplan.plans.plan import Action, Placement, Plan
+from dexplan.plans.roll import Roll
 from dexplan.spatial import angles_from_direction
 
 

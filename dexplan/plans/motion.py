@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import VERTICAL, Array, rotate_about
+from dexplan.spatial import VERTICAL, Array, lock_arrays, rotate_about
 
 STEP = float(np.radians(2.0))
 """Spacing of stations of a turn, and of the samples at which it is checked [rad]."""
@@ -28,6 +28,9 @@ class ObjectMotion:
 
     __repr__ = brief_repr
 
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
     @property
     def is_still(self) -> bool:
         """Whether nothing moves."""
@@ -47,7 +50,8 @@ class ObjectMotion:
     @property
     def X_WO_end(self) -> Array:
         """The pose (4, 4) at the end."""
-        return self.poses(2)[-1]
+        X: Array = self.poses(2)[-1]
+        return X
 
     def part(self, first: float, last: float) -> ObjectMotion:
         """Return the motion between two shares of its progress."""
