@@ -9,6 +9,7 @@ wanted torque.  Its state lives here and nowhere else.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,7 +33,25 @@ CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
 """The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
 
 
+SAME_TIME = 1e-12
+"""Times nearer to one another [s] than this are the same, summed up in another way."""
 _STILL = np.zeros(6)
+
+
+class _Moment(NamedTuple):
+    """Where a reference has the object ``t`` [s] after the start of ``path``: ``X_WO`` (4, 4), ``acceleration`` (6,) in W."""
+
+    path: ObjectPath | None
+    t: float
+    X_WO: Array
+    acceleration: Array
+
+
+def _look_at(path: ObjectPath, t: float) -> _Moment:
+    if path.angle == 0.0 and not path.shift_W.any():
+        return _Moment(path, t, path.X_WO_start, _STILL)
+    X, _, acceleration = path.sample(t)
+    return _Moment(path, t, X, acceleration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,17 +103,18 @@ class Controller:
         self._offsets: dict[int, RollOffset] = {}
         self._way: FreeWay | None = None
         self._X_OF_start = np.eye(4)
+        self._ahead = _Moment(None, 0.0, self._X_OF_start, _STILL)
         self._targets = np.tile(np.eye(4), (self._n, 1, 1))
 
     def step(self, observation: Observation) -> Command:
         """Return the command for the tick that starts now."""
         self._sense(observation)
         phase, t, is_done, failure = self._advance(observation)
-        X_ref, X_next, acceleration = _sample(phase.object_path, t, self._tick)
+        now, X_next = self._look(phase.object_path, t)
         self._relax(observation, phase, t)
-        self._aim(phase, t, observation.time, self._correct(observation, X_ref, X_next))
+        self._aim(phase, t, observation.time, self._correct(observation, now.X_WO, X_next))
         moved = self._commanded.follow(self._targets)
-        push = self._forces.compute_push(observation, phase, t, acceleration, self._carried)
+        push = self._forces.compute_push(observation, phase, t, now.acceleration, self._carried)
         torque = self._measured.bias + push.torque + self._accelerate(moved.qdot)
         ctrl = np.zeros(self._scene.model.nu)
         ctrl[self._scene.actuators] = (
@@ -102,7 +122,7 @@ class Controller:
         )
         return Command(
             ctrl,
-            X_ref,
+            now.X_WO,
             phase.action_index,
             phase.phase_index,
             push.forces_W,
@@ -165,6 +185,15 @@ class Controller:
                     float(self._scene.model.opt.timestep),
                 )
             self._X_OF_start = X_OW @ self._targets[phase.finger]
+
+    def _look(self, path: ObjectPath, t: float) -> tuple[_Moment, Array]:
+        """Return the object's reference at ``t`` [s] after the start of ``path``, and its pose (4, 4) a tick later."""
+        now = self._ahead
+        # A tick later is now the next time: the difference is one of rounding.
+        if now.path is not path or abs(now.t - t) > SAME_TIME:
+            now = _look_at(path, t)
+        self._ahead = _look_at(path, t + self._tick)
+        return now, self._ahead.X_WO
 
     # -- motion ----------------------------------------------------------------------------------------------------------
 
@@ -238,12 +267,3 @@ class Controller:
         assert phase.normal_O is not None
         X_OF[:3, 3] += gap * phase.normal_O
         return X_WO @ X_OF
-
-
-def _sample(path: ObjectPath, t: float, tick: float) -> tuple[Array, Array, Array]:
-    """Return the object's reference pose now and a tick later (4, 4), and its acceleration now (6,)."""
-    if path.angle == 0.0 and not path.shift_W.any():
-        return path.X_WO_start, path.X_WO_start, _STILL
-    X, _, acceleration = path.sample(t)
-    X_next, _, _ = path.sample(t + tick)
-    return X, X_next, acceleration
