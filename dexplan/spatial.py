@@ -26,7 +26,11 @@ VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
 def read_only(values: ArrayLike) -> Array:
-    """Return a float64 copy of ``values`` that cannot be written."""
+    """Return a float64 copy of ``values`` that cannot be written; an array that never can be is its own copy."""
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        flags = values.flags
+        if flags.owndata and not flags.writeable:
+            return values
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
@@ -129,16 +133,17 @@ def rotation_vector(R: Array) -> Array:
 
     For control ticks: a tenth of the cost of a scipy object.
     """
-    x, y, z = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
+    x, y, z = zy - yz, xz - zx, yx - xy
     sine = 0.5 * math.sqrt(x * x + y * y + z * z)
-    angle = math.atan2(sine, 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0))
+    angle = math.atan2(sine, 0.5 * (xx + yy + zz - 1.0))
     scale = 0.5 * angle / sine if sine > 1e-9 else 0.5
     return np.array([scale * x, scale * y, scale * z])
 
 
 def rotation_matrix(w: Array) -> Array:
     """Return the rotation matrix (3, 3) of one rotation vector (3,) [rad] (Rodrigues' formula)."""
-    x, y, z = float(w[0]), float(w[1]), float(w[2])
+    x, y, z = w.tolist()
     angle = math.sqrt(x * x + y * y + z * z)
     s = math.sin(angle) / angle if angle > 1e-9 else 1.0
     c = (1.0 - math.cos(angle)) / (angle * angle) if angle > 1e-6 else 0.5
@@ -151,16 +156,41 @@ def rotation_matrix(w: Array) -> Array:
     )
 
 
+def scale_rotations(R: Array, share: float) -> Array:
+    """Return the rotations (N, 3, 3) about the same axes as ``R`` (N, 3, 3), each by ``share`` of its angle.
+
+    For control ticks, a few at a time: the same formulas as :func:`rotation_vector` and :func:`rotation_matrix`.
+    """
+    out = []
+    for (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) in R.tolist():
+        x, y, z = zy - yz, xz - zx, yx - xy
+        sine = 0.5 * math.sqrt(x * x + y * y + z * z)
+        angle = math.atan2(sine, 0.5 * (xx + yy + zz - 1.0))
+        scale = 0.5 * angle / sine if sine > 1e-9 else 0.5
+        x, y, z = share * (scale * x), share * (scale * y), share * (scale * z)
+        angle = math.sqrt(x * x + y * y + z * z)
+        s = math.sin(angle) / angle if angle > 1e-9 else 1.0
+        c = (1.0 - math.cos(angle)) / (angle * angle) if angle > 1e-6 else 0.5
+        out.append(
+            [
+                [1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y],
+                [c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x],
+                [c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)],
+            ]
+        )
+    return np.array(out)
+
+
 def skew(w: Array) -> Array:
     """Return the (3, 3) matrix with ``skew(w) @ x == cross(w, x)`` for one vector; :func:`hat` for control ticks."""
-    x, y, z = float(w[0]), float(w[1]), float(w[2])
+    x, y, z = w.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def cross(a: Array, b: Array) -> Array:
     """Return the cross product of two vectors (3,), without numpy's overhead for stacks."""
-    ax, ay, az = a
-    bx, by, bz = b
+    ax, ay, az = a.tolist()
+    bx, by, bz = b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 

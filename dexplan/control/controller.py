@@ -9,34 +9,50 @@ wanted torque.  Its state lives here and nowhere else.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
-import mink
-import mujoco
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from dexplan.brief import brief_repr
-from dexplan.contact.friction import SoftFinger
 from dexplan.contact.surfaces.sphere import require_sphere
+from dexplan.control.follow import PostureFollower
+from dexplan.control.forces import REFRESH, ForceControl
+from dexplan.control.hand import MeasuredHand, build_hand_body
 from dexplan.control.observation import Observation
 from dexplan.control.options import ControlOptions
-from dexplan.control.reference import Phase, Reference
+from dexplan.control.reference import ObjectPath, Phase, Reference
 from dexplan.control.rolling import RollOffset
-from dexplan.control.tasks import FingertipTask, JointLimit
-from dexplan.grasp.force.solver import EXCHANGES, GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
-from dexplan.grasp.grasp import map_contact
-from dexplan.plans.pace import smooth_step
+from dexplan.control.way import FreeWay
+from dexplan.grasp.force.solver import ForceSolution
 from dexplan.scene.scene import Scene
-from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix, rotation_vector
+from dexplan.spatial import Array, invert_pose, rotation_matrix, rotation_vector, scale_rotations
 
 ACCELERATION_LIMIT = 15.0
 """Commanded joint accelerations beyond this [rad/s^2] are jumps, not motion, and get no torque of their own."""
-REFRESH = 5
-"""Ticks between two looks at where the contacts are on the object."""
-CONE_SHARE = 0.99
-"""Share of the believed cone that forces may use: the rest covers what contact frames are known to."""
 CORRECTION_LIMIT = np.array([1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03])
 """The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
+
+
+SAME_TIME = 1e-12
+"""Times nearer to one another [s] than this are the same, summed up in another way."""
+_STILL = np.zeros(6)
+
+
+class _Moment(NamedTuple):
+    """Where a reference has the object ``t`` [s] after the start of ``path``: ``X_WO`` (4, 4), ``acceleration`` (6,) in W."""
+
+    path: ObjectPath | None
+    t: float
+    X_WO: Array
+    acceleration: Array
+
+
+def _look_at(path: ObjectPath, t: float) -> _Moment:
+    motion = path.motion
+    if motion.angle == 0.0 and not motion.shift_W.any():
+        return _Moment(path, t, motion.X_WO_start, _STILL)
+    X, _, acceleration = path.sample(t)
+    return _Moment(path, t, X, acceleration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,71 +85,51 @@ class Controller:
         require_sphere(scene.object.surface, "the controller")
         self._scene, self._reference, self._options = scene, reference, options
         self._tick = options.tick
-        self._n = scene.n_fingers
-        spec = mujoco.MjSpec.from_string(scene.xml)
-        spec.delete(spec.body("object/"))
-        self._model = spec.compile()
-        self._configuration = mink.Configuration(self._model)
-        self._joints = np.array([[self._model.joint(j).id for j in f.joint_names] for f in scene.fingers])
-        self._sites = np.array([self._model.site(f"{f.name}/tip_center").id for f in scene.fingers])
-        self._task = FingertipTask(self._sites, self._model.nv)
-        self._lower, self._upper = (
-            np.stack([getattr(f.chain, k) for f in scene.fingers]) for k in ("lower", "upper")
-        )
-        lower, upper = np.empty(self._model.nq), np.empty(self._model.nq)
-        lower[self._joints], upper[self._joints] = self._lower, self._upper
-        self._limits = [JointLimit(lower, upper, options.joint_speed)]
+        body, self._n = build_hand_body(scene), scene.n_fingers
+        self._measured = MeasuredHand(body)
+        self._commanded = PostureFollower(body, options.joint_speed, options.tick)
+        self._forces = ForceControl(scene, self._measured, reference, options)
         self._gain = np.stack([f.servo_gain for f in scene.fingers])
         self._damping = np.stack([f.servo_damping for f in scene.fingers])
-        self._torque = np.stack([f.torque_limit for f in scene.fingers])
-        self._friction = SoftFinger(options.sliding, options.torsional).scaled(CONE_SHARE)
-        self._solvers: dict[tuple[int, ...], ForceSolver] = {}
-        self._maps: tuple[object, Array, Array, list[tuple[Array, Array]]] | None = None
-        self._ticks = 0
-        self._force_limits: tuple[object, ForceLimits] | None = None
-        self._floor, self._ceiling = (
-            planned if asked is None else asked
-            for asked, planned in (
-                (options.normal_floor, reference.normal_floor),
-                (options.normal_ceiling, reference.normal_ceiling),
-            )
-        )
-        self._measured = mink.Configuration(self._model)
-        self._J = np.zeros((self._n, 6, self._model.nv))
-        self._bias = np.zeros(self._model.nv)
-        self._qdot, self._settling = np.zeros(self._joints.shape), REFRESH
+        self.restart()
+
+    def restart(self) -> None:
+        """Be as before the first tick: what was made for this hand and reference stays, nothing else."""
+        self._forces.restart()
+        self._qdot, self._settling = np.zeros(self._gain.shape), REFRESH
         self._phase, self._phase_start = -1, 0.0
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
         self._adopted: frozenset[int] = frozenset()
         self._correction, self._is_primed = np.zeros(6), False
         self._offsets: dict[int, RollOffset] = {}
-        self._path: CubicSpline | None = None
+        self._way: FreeWay | None = None
         self._X_OF_start = np.eye(4)
+        self._ahead = _Moment(None, 0.0, self._X_OF_start, _STILL)
         self._targets = np.tile(np.eye(4), (self._n, 1, 1))
 
     def step(self, observation: Observation) -> Command:
         """Return the command for the tick that starts now."""
         self._sense(observation)
         phase, t, is_done, failure = self._advance(observation)
-        X_ref, _, acceleration = phase.object_path.sample(t)
-        X_next, _, _ = phase.object_path.sample(t + self._tick)
+        now, X_next = self._look(phase.object_path, t)
         self._relax(observation, phase, t)
-        qdot, tip_error, at_limit = self._follow(phase, t, self._correct(observation, X_ref, X_next))
-        forces_W, torque, qp = self._load(observation, phase, t, acceleration)
-        q = self._configuration.q[self._joints]
-        bias = self._bias[self._joints]
+        self._aim(phase, t, observation.time, self._correct(observation, now.X_WO, X_next))
+        moved = self._commanded.follow(self._targets)
+        push = self._forces.compute_push(observation, phase, t, now.acceleration, self._carried)
+        torque = self._measured.bias + push.torque + self._accelerate(moved.qdot)
         ctrl = np.zeros(self._scene.model.nu)
-        push = self._options.feedforward * (bias + torque + self._accelerate(qdot))
-        ctrl[self._scene.actuators] = q + (push + self._damping * qdot) / self._gain
+        ctrl[self._scene.actuators] = (
+            self._commanded.q + (self._options.feedforward * torque + self._damping * moved.qdot) / self._gain
+        )
         return Command(
             ctrl,
-            X_ref,
+            now.X_WO,
             phase.action_index,
             phase.phase_index,
-            forces_W,
-            qp,
-            tip_error,
-            at_limit,
+            push.forces_W,
+            push.answer,
+            moved.tip_error,
+            moved.is_at_limit,
             is_done,
             failure,
         )
@@ -141,21 +137,10 @@ class Controller:
     # -- sensing ---------------------------------------------------------------------------------------------------------
 
     def _sense(self, observation: Observation) -> None:
-        """Measured tip poses, Jacobians and gravity torques, from the hand's own model at the measured posture."""
-        data = self._measured.data
-        data.qpos[self._joints] = observation.q
-        data.qvel[self._joints] = observation.qdot
-        self._measured.update()
-        mujoco.mj_comVel(self._model, data)
-        mujoco.mj_rne(self._model, data, 0, self._bias)
-        self._X_WF = np.tile(np.eye(4), (self._n, 1, 1))
-        self._X_WF[:, :3, :3] = data.site_xmat[self._sites].reshape(-1, 3, 3)
-        self._X_WF[:, :3, 3] = data.site_xpos[self._sites]
-        for i, site in enumerate(self._sites):
-            mujoco.mj_jacSite(self._model, data, self._J[i, :3], self._J[i, 3:], site)
+        self._measured.measure(observation.q, observation.qdot)
         if self._phase < 0:
-            self._configuration.update(data.qpos)
-            self._targets = self._X_WF.copy()
+            self._commanded.start(self._measured.qpos)
+            self._targets[:] = self._measured.X_WF
 
     def _advance(self, observation: Observation) -> tuple[Phase, float, bool, str | None]:
         """Move on to the phase that holds now; return it, the time within it, whether all is done, and what failed."""
@@ -184,19 +169,32 @@ class Controller:
         X_OW = invert_pose(observation.X_WO)
         # A finger that begins to hold is carried from where it really touched, not from where it should have.
         for i in set(phase.holding) - self._adopted:
-            self._carried[i] = X_OW @ self._X_WF[i]
+            self._carried[i] = X_OW @ self._measured.X_WF[i]
         self._adopted = frozenset(phase.holding)
         self._offsets = {
             i: RollOffset.measure(roll, 0.0, self._carried[i]) for i, roll in phase.rolls.items()
         }
         if phase.finger is not None:
-            self._path = None
+            self._way = None
             if phase.postures is not None:
-                # The path was planned from where the finger should be; what it is off by fades along the way.
-                share = np.linspace(0.0, 1.0, len(phase.postures))
-                off = self._configuration.q[self._joints[phase.finger]] - phase.postures[0]
-                self._path = CubicSpline(share, phase.postures + (1.0 - share)[:, None] * off)
+                self._way = FreeWay(
+                    self._scene.fingers[phase.finger],
+                    phase,
+                    self._commanded.q[phase.finger],
+                    time,
+                    self._tick,
+                    float(self._scene.model.opt.timestep),
+                )
             self._X_OF_start = X_OW @ self._targets[phase.finger]
+
+    def _look(self, path: ObjectPath, t: float) -> tuple[_Moment, Array]:
+        """Return the object's reference at ``t`` [s] after the start of ``path``, and its pose (4, 4) a tick later."""
+        now = self._ahead
+        # A tick later is now the next time: the difference is one of rounding.
+        if now.path is not path or abs(now.t - t) > SAME_TIME:
+            now = _look_at(path, t)
+        self._ahead = _look_at(path, t + self._tick)
+        return now, self._ahead.X_WO
 
     # -- motion ----------------------------------------------------------------------------------------------------------
 
@@ -222,138 +220,51 @@ class Controller:
         return X
 
     def _relax(self, observation: Observation, phase: Phase, t: float) -> None:
+        """Let the poses at which the fingers hold follow the measured ones."""
         share = self._tick / self._options.relaxation
-        X_OW = invert_pose(observation.X_WO)
-        for i in phase.holding:
-            X_OF = X_OW @ self._X_WF[i]
-            s, _, _ = phase.object_path.progress(t)
-            if i in phase.rolls and s < 1.0:
-                self._offsets[i] = self._offsets[i].relaxed(phase.rolls[i], s, X_OF, share)
-                continue
-            carried = self._carried[i]
-            carried[:3, 3] += share * (X_OF[:3, 3] - carried[:3, 3])
-            turn = rotation_vector(X_OF[:3, :3] @ carried[:3, :3].T)
-            carried[:3, :3] = rotation_matrix(share * turn) @ carried[:3, :3]
+        X_WF, R_WO, p_WO = self._measured.X_WF, observation.X_WO[:3, :3], observation.X_WO[:3, 3]
+        s = phase.object_path.progress(t)[0] if phase.rolls else 1.0
+        rolling = [i for i in phase.holding if i in phase.rolls] if s < 1.0 else []
+        for i in rolling:
+            X_OF = invert_pose(observation.X_WO) @ X_WF[i]
+            self._offsets[i] = self._offsets[i].relaxed(phase.rolls[i], s, X_OF, share)
+        rows = [i for i in phase.holding if i not in rolling]
+        if rows:
+            held, found = self._carried.take(rows, axis=0), X_WF.take(rows, axis=0)
+            R, p = held[:, :3, :3], held[:, :3, 3]
+            turned = np.matmul(R_WO.T @ found[:, :3, :3], R.swapaxes(1, 2))
+            p += share * ((found[:, :3, 3] - p_WO) @ R_WO - p)
+            R[:] = scale_rotations(turned, share) @ R
+            self._carried[rows] = held
 
-    def _follow(self, phase: Phase, t: float, X_WO_aim: Array) -> tuple[Array, float, bool]:
-        """Aim every fingertip for the end of this tick and let mink move the commanded posture there."""
-        before, s = (phase.object_path.progress(now)[0] for now in (t, t + self._tick))
-        for i in phase.holding:
-            if i in phase.rolls and before < 1.0:
+    def _aim(self, phase: Phase, t: float, time: float, X_WO_aim: Array) -> None:
+        """Aim every fingertip for the end of this tick."""
+        if phase.rolls:
+            before, s = (phase.object_path.progress(now)[0] for now in (t, t + self._tick))
+            for i in phase.rolls if before < 1.0 else ():
                 self._carried[i] = self._offsets[i].apply(phase.rolls[i], s)
-            self._targets[i] = X_WO_aim @ self._carried[i]
+        held = X_WO_aim @ self._carried
+        for i in phase.holding:
+            self._targets[i] = held[i]
         if phase.finger is not None and phase.finger not in phase.holding:
-            self._targets[phase.finger] = self._aim_free(phase, t + self._tick, X_WO_aim)
-        self._task.set_targets(self._targets)
-        configuration = self._configuration
-        try:
-            velocity = mink.solve_ik(
-                configuration, [self._task], self._tick, "daqp", damping=1e-9, limits=self._limits
-            )
-        except mink.NoSolutionFound:
-            velocity = np.zeros(self._model.nv)
-        configuration.integrate_inplace(velocity, self._tick)
-        error = self._task.compute_error(configuration).reshape(self._n, 6)
-        q = configuration.q[self._joints]
-        at_limit = bool((np.minimum(q - self._lower, self._upper - q) < 1e-3).any())
-        return velocity[self._joints], float(np.linalg.norm(error[:, :3], axis=1).max()), at_limit
+            self._targets[phase.finger] = self._aim_free(phase, t + self._tick, time, X_WO_aim)
 
     def _accelerate(self, qdot: Array) -> Array:
-        """Return the joint torques (F, J) that the commanded motion takes: its inertia and the joints' own damping."""
+        """Return the joint torques (F, J) that the commanded motion takes."""
         # Where a phase begins the command may jump, as when a finger has just touched: that is no acceleration to push for.
         self._settling = max(0, self._settling - 1)
-        acceleration = np.clip((qdot - self._qdot) / self._tick, -ACCELERATION_LIMIT, ACCELERATION_LIMIT)
+        acceleration = (qdot - self._qdot) / self._tick
+        np.minimum(acceleration, ACCELERATION_LIMIT, out=acceleration)
+        np.maximum(acceleration, -ACCELERATION_LIMIT, out=acceleration)
         acceleration *= self._settling == 0
         self._qdot = qdot
-        flat, inertial = np.zeros(self._model.nv), np.zeros(self._model.nv)
-        flat[self._joints] = acceleration
-        mujoco.mj_crb(self._model, self._measured.data)
-        mujoco.mj_mulM(self._model, self._measured.data, inertial, flat)
-        return inertial[self._joints] + self._model.dof_damping[self._joints] * qdot
+        return self._measured.compute_motion_torque(qdot, acceleration)
 
-    def _aim_free(self, phase: Phase, t: float, X_WO: Array) -> Array:
-        assert phase.finger is not None
-        if self._path is not None:
-            return self._scene.fingers[phase.finger].pose_at(self._path(phase.travelled(t)))
+    def _aim_free(self, phase: Phase, t: float, time: float, X_WO: Array) -> Array:
+        if self._way is not None:
+            return self._way.find_aim(time)
         gap = phase.sample_gap(t, self._reference.touchdown.speed)
         X_OF = (self._X_OF_start if phase.X_OF is None else phase.X_OF).copy()
         assert phase.normal_O is not None
         X_OF[:3, 3] += gap * phase.normal_O
         return X_WO @ X_OF
-
-    # -- forces ----------------------------------------------------------------------------------------------------------
-
-    def _load(
-        self, observation: Observation, phase: Phase, t: float, acceleration: Array
-    ) -> tuple[Array, Array, ForceSolution | None]:
-        """Solve the force QP; return forces in the world (F, 4), the joint torques they take (F, J), and the answer."""
-        forces_W = np.full((self._n, 4), np.nan)
-        torque = np.zeros((self._n, self._joints.shape[1]))
-        holding = phase.holding
-        if len(holding) < 2:
-            return forces_W, torque, None
-        solver = self._solvers.get(holding)
-        if solver is None:
-            size = float(np.linalg.norm(self._scene.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
-            solver = ForceSolver(
-                [self._friction] * len(holding),
-                self._joints.shape[1],
-                length=size,
-                friction_weight=GENTLE_FRICTION,
-                exchanges=EXCHANGES if self._options.force_solver == "daqp" else 0,
-            )
-            self._solvers[holding] = solver
-        s = smooth_step(t / phase.duration)
-        share = (phase.load_start + (phase.load_end - phase.load_start) * s)[list(holding)]
-        R_WO = observation.X_WO[:3, :3]
-        G, maps, frames = self._map_grasp(observation, holding)
-        mass, inertia = self._scene.object.mass, self._scene.object.inertia
-        weight = mass * (acceleration[:3] + np.array([0.0, 0.0, GRAVITY]))
-        wrench = np.concatenate([R_WO.T @ weight, inertia @ (R_WO.T @ acceleration[3:])])
-        bias = self._bias[self._joints[list(holding)]]
-        limits = self._limit_forces(holding, tuple(share.tolist()))
-        target = share * self._reference.normal_force
-        qp = solver.solve(G, wrench, limits, target, maps, bias)
-        forces = qp.forces if qp.is_solved else np.nan_to_num(qp.forces)
-        for k, i in enumerate(holding):
-            p_OC, R_OC = frames[k]
-            f_W, n_W = R_WO @ (R_OC @ forces[k, :3]), R_WO @ R_OC[:, 2]
-            arm = observation.X_WO[:3, 3] + R_WO @ p_OC - self._X_WF[i][:3, 3]
-            J = self._J[i][:, self._joints[i]]
-            forces_W[i, :3], forces_W[i, 3] = f_W, forces[k, 3]
-            torque[i] = f_W @ J[:3] + (cross(arm, f_W) + forces[k, 3] * n_W) @ J[3:]
-        return forces_W, torque, qp
-
-    def _map_grasp(
-        self, observation: Observation, holding: tuple[int, ...]
-    ) -> tuple[Array, Array, list[tuple[Array, Array]]]:
-        """Return the grasp map, the torque maps (in object axes) and each contact's point and frame in the object.
-
-        Fixed contacts hardly move on the object, and torque limits have room: the maps, which make the QP's matrix, are made
-        anew every ``REFRESH`` ticks, and every tick while a contact rolls.  What the servos are told uses the Jacobians of this
-        very tick.
-        """
-        key = (self._phase, holding)
-        if self._maps is None or self._maps[0] != key or self._offsets or self._ticks % REFRESH == 0:
-            R_OW, surface = observation.X_WO[:3, :3].T, self._scene.object.surface
-            G, maps = np.zeros((6, 4 * len(holding))), np.zeros((len(holding), self._joints.shape[1], 4))
-            frames = []
-            for k, i in enumerate(holding):
-                p_OC = surface.radial(self._carried[i][:3, 3])
-                p_OF = R_OW @ (self._X_WF[i][:3, 3] - observation.X_WO[:3, 3])
-                J = self._J[i][:, self._joints[i]]
-                columns, maps[k] = map_contact(np.vstack([R_OW @ J[:3], R_OW @ J[3:]]), p_OC, p_OC - p_OF)
-                G[:, 4 * k : 4 * k + 4] = columns
-                frames.append((p_OC, columns[:3, :3]))
-            self._maps = (key, G, maps, frames)
-        self._ticks += 1
-        return self._maps[1:]
-
-    def _limit_forces(self, holding: tuple[int, ...], share: tuple[float, ...]) -> ForceLimits:
-        """Return the limits for loads of these shares; most ticks ask for the same ones as the tick before."""
-        key = (holding, share)
-        if self._force_limits is None or self._force_limits[0] != key:
-            loads, reach = np.array(share), self._options.torque_fraction * self._torque[list(holding)]
-            floor, ceiling = loads * self._floor, loads * self._ceiling + 1e-9
-            self._force_limits = (key, ForceLimits(floor, ceiling, -reach, reach))
-        return self._force_limits[1]

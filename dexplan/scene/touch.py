@@ -1,14 +1,16 @@
 """From MuJoCo's contacts to fingertip touches, in our order, frame and sign: the only place the controller's side knows them.
 
-MuJoCo's contact frame has its normal from geom[0] to geom[1] and `mj_contactForce` acts on geom[1]; a Touch has its normal
-**into the object** and its force **on the object**, whichever way round the pair was found.
+Touches are read by contact sensors of the simulator, one per fingertip, and for many instants at once: a run keeps its states,
+and what touched what is evaluated afterwards.  A contact sensor that is asked for tip and object has its normal from tip to
+object and its force on the object, whichever way round MuJoCo found the pair: a Touch has its normal **into the object** and its
+force **on the object**.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -16,22 +18,31 @@ from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
 from dexplan.scene.scene import Scene
-from dexplan.spatial import Array, cross, lock_arrays
+from dexplan.spatial import Array, lock_arrays
+
+TOUCH_FIELDS = ("sensordata", "xpos", "xmat", "cvel", "subtree_com", "site_xmat")
+"""What :func:`read_touches` needs of MjData, at each instant."""
+_SENSED = ("found", "force", "torque", "dist", "pos", "normal", "tangent")
+"""What a contact sensor gives, in this order: 1, 3, 3, 1, 3, 3 and 3 numbers."""
+_WIDTH = 17
+_NEAREST = 1
+"""Of several contacts of a pair MuJoCo's sensor reports the deepest."""
 
 
 @dataclass(frozen=True, eq=False)
 class Touches:
-    """The contact of each fingertip with the object at one instant; rows of fingers without contact are NaN.
+    """The contact of each fingertip with the object at T instants; rows of fingers without contact are NaN.
 
-    ``active`` (F,); ``point_O`` (F, 3) [m] and ``rotation_O`` (F, 3, 3), columns t1, t2, n (into the object), in the object
-    frame; ``force`` (F, 4) = (f_t1, f_t2, f_n, tau_n) [N, N m] on the object in that frame; ``slip_velocity`` (F, 3) = two
-    tangential [m/s] and the spin [rad/s] of the tip's surface relative to the object's; ``penetration`` (F,) [m];
-    ``pole_angle`` (F,) [rad] between the tip's pole and the contact on the tip.
+    ``active`` (T, F); ``point_O`` (T, F, 3) [m] and ``rotation_O`` (T, F, 3, 3), columns t1, t2, n (into the object), in object
+    axes; ``rotation_W`` the same in the world; ``force`` (T, F, 4) = (f_t1, f_t2, f_n, tau_n) [N, N m] on the object in that
+    frame; ``slip_velocity`` (T, F, 3) = two tangential [m/s] and the spin [rad/s] of the tip's surface relative to the object's;
+    ``penetration`` (T, F) [m]; ``pole_angle`` (T, F) [rad] between the tip's pole and the contact on the tip.
     """
 
     active: NDArray[np.bool_]
     point_O: Array
     rotation_O: Array
+    rotation_W: Array
     force: Array
     slip_velocity: Array
     penetration: Array
@@ -43,63 +54,58 @@ class Touches:
         lock_arrays(self)
 
 
-def read_touches(scene: Scene, data: mujoco.MjData) -> Touches:
-    """Return every fingertip's contact with the object, the deepest where there are several."""
-    model, n = scene.model, scene.n_fingers
-    active = np.zeros(n, dtype=bool)
-    point, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
-    force, slip = np.full((n, 4), np.nan), np.full((n, 3), np.nan)
-    penetration, pole_angle = np.full(n, np.nan), np.full(n, np.nan)
-    if data.ncon:
-        deepest = _find_contacts(scene, data)
-        # Each access to these makes an array; once is enough.
-        frames, points = data.contact.frame, data.contact.pos
-        R_WO, p_WO = data.xmat[scene.object_body].reshape(3, 3), data.xpos[scene.object_body]
-        wrench = np.zeros(6)
-        for i, (k, distance, is_object_second) in deepest.items():
-            R_CW, p_W = frames[k].reshape(3, 3), points[k]
-            mujoco.mj_contactForce(model, data, k, wrench)
-            # Object second: normal and force are already ours.  Object first: turn both about the first tangent.
-            sign = 1.0 if is_object_second else -1.0
-            R_WC = np.stack([R_CW[1], sign * R_CW[2], sign * R_CW[0]], axis=1)
-            v, w = _point_velocity(model, data, int(model.geom_bodyid[scene.tip_geoms[i]]), p_W)
-            v_object, w_object = _point_velocity(model, data, scene.object_body, p_W)
-            active[i] = True
-            point[i] = (p_W - p_WO) @ R_WO
-            rotation[i] = R_WO.T @ R_WC
-            force[i, :3] = (sign * (wrench[:3] @ R_CW)) @ R_WC
-            force[i, 3] = (sign * (wrench[3:] @ R_CW)) @ R_WC[:, 2]
-            slip[i, :2] = ((v - v_object) @ R_WC)[:2]
-            slip[i, 2] = (w - w_object) @ R_WC[:, 2]
-            penetration[i] = -distance
-            pole = data.site_xmat[scene.tip_sites[i]][2::3]
-            across = cross(pole, R_WC[:, 2])
-            pole_angle[i] = math.atan2(math.sqrt(across.dot(across)), float(pole.dot(R_WC[:, 2])))
-    return Touches(active, point, rotation, force, slip, penetration, pole_angle)
+@lru_cache(maxsize=4)
+def build_touch_model(scene: Scene) -> mujoco.MjModel:
+    """Return the scene's model with a contact sensor per fingertip: the same physics, the same state."""
+    spec = mujoco.MjSpec.from_string(scene.xml)
+    for geom in scene.tip_geoms:
+        sensor = spec.add_sensor(
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=mujoco.mjtObj.mjOBJ_GEOM,
+            objname=scene.model.geom(geom).name,
+            reftype=mujoco.mjtObj.mjOBJ_GEOM,
+            refname=scene.model.geom(scene.object_geom).name,
+        )
+        sensor.intprm[:3] = [(1 << len(_SENSED)) - 1, _NEAREST, 1]
+    return spec.compile()
 
 
-class _Deepest(NamedTuple):
-    """A finger's deepest contact: its row in MuJoCo's list, distance [m], and whether the object is geom[1]."""
+def read_touches(scene: Scene, fields: Mapping[str, Array]) -> Touches:
+    """Return every fingertip's contact with the object, the deepest where there are several.
 
-    row: int
-    distance: float
-    is_object_second: bool
+    ``fields`` holds :data:`TOUCH_FIELDS` of T instants, as MuJoCo computes them for :func:`build_touch_model` (T, ...).
+    """
+    bodies, roots, ball = scene.model.geom_bodyid[scene.tip_geoms], scene.model.body_rootid, scene.object_body
+    sensed = fields["sensordata"].reshape(-1, scene.n_fingers, _WIDTH)
+    active = sensed[..., 0] > 0.0
+    sensed = np.where(active[..., None], sensed, np.nan)
+    p_W, n_W, t_W = sensed[..., 8:11], sensed[..., 11:14], sensed[..., 14:17]
+    R_WC = np.stack([t_W, np.cross(n_W, t_W), n_W], axis=-1)
+    R_WO, p_WO = fields["xmat"][:, ball].reshape(-1, 1, 3, 3), fields["xpos"][:, None, ball]
 
+    def twist_at(body: NDArray[np.intp] | int) -> tuple[Array, Array]:
+        # cvel is (w, v) about the centre of mass of the body's whole tree, in world axes.
+        cvel, center = fields["cvel"][:, body], fields["subtree_com"][:, roots[body]]
+        w = cvel[..., :3].reshape(len(sensed), -1, 3)
+        v = cvel[..., 3:].reshape(w.shape)
+        return v + np.cross(w, p_W - center.reshape(w.shape)), w
 
-def _find_contacts(scene: Scene, data: mujoco.MjData) -> dict[int, _Deepest]:
-    """Return the deepest contact of each finger that touches."""
-    finger_of = {int(geom): i for i, geom in enumerate(scene.tip_geoms)}
-    found: dict[int, _Deepest] = {}
-    rows = zip(
-        data.contact.geom.tolist(), data.contact.dist.tolist(), data.contact.efc_address.tolist(), strict=True
+    (v, w), (v_object, w_object) = twist_at(bodies), twist_at(ball)
+    spin = np.sum((w - w_object) * n_W, axis=-1)
+    slide = np.einsum("tfij,tfi->tfj", R_WC[..., :2], v - v_object)
+    pole = fields["site_xmat"][:, scene.tip_sites][..., 2::3]
+    across = np.linalg.norm(np.cross(pole, n_W), axis=-1)
+    return Touches(
+        active=active,
+        point_O=np.einsum("tfij,tfi->tfj", np.broadcast_to(R_WO, R_WC.shape), p_W - p_WO),
+        rotation_O=np.swapaxes(R_WO, -1, -2) @ R_WC,
+        rotation_W=R_WC,
+        # The sensor gives force and torque in its frame, along the normal first.
+        force=sensed[..., [2, 3, 1, 4]],
+        slip_velocity=np.concatenate([slide, spin[..., None]], axis=-1),
+        penetration=-sensed[..., 7],
+        pole_angle=np.arctan2(across, np.sum(pole * n_W, axis=-1)),
     )
-    for k, ((first, second), distance, address) in enumerate(rows):
-        if address < 0 or scene.object_geom not in (first, second):
-            continue
-        i = finger_of.get(first if second == scene.object_geom else second)
-        if i is not None and (i not in found or distance < found[i].distance):
-            found[i] = _Deepest(k, distance, second == scene.object_geom)
-    return found
 
 
 def compute_static_normal_force(scene: Scene, data: mujoco.MjData, finger: int) -> float:
@@ -113,9 +119,3 @@ def compute_static_normal_force(scene: Scene, data: mujoco.MjData, finger: int) 
             row = data.contact.efc_address[k]
             return float(data.efc_D[row] * data.efc_aref[row]) if row >= 0 else 0.0
     return 0.0
-
-
-def _point_velocity(model: mujoco.MjModel, data: mujoco.MjData, body: int, p_W: Array) -> tuple[Array, Array]:
-    # cvel is (w, v) about the centre of mass of the body's whole tree, in world axes.
-    w, v = data.cvel[body, :3], data.cvel[body, 3:]
-    return v + cross(w, p_W - data.subtree_com[model.body_rootid[body]]), w

@@ -15,6 +15,7 @@ import pytest
 import dexplan.control
 from dexplan import pipeline
 from dexplan.control.controller import Command, Controller
+from dexplan.control.hand import build_hand_body
 from dexplan.control.observation import Observation
 from dexplan.control.options import RATE, ControlOptions
 from dexplan.control.reference import Reference, build_reference
@@ -203,9 +204,9 @@ def test_no_simulated_world_is_named_in_the_controllers_room() -> None:
 
 
 def test_controllers_own_model_has_no_object(
-    scene: Scene, reference: Reference, options: ControlOptions
+    scene: Scene,
 ) -> None:
-    own = Controller(scene, reference, options)._model
+    own = build_hand_body(scene).model
     assert own.nv == scene.joint_dof.size
     assert not [own.body(b).name for b in range(own.nbody) if own.body(b).name.startswith("object")]
 

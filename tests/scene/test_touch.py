@@ -7,12 +7,19 @@ import xml.etree.ElementTree as ET
 import mujoco
 import numpy as np
 import pytest
+from mujoco.batch import Batch
 
 from dexplan.kinematics.chain import compute_tip_jacobian, solve_ik
 from dexplan.kinematics.workspace import compute_aligned_pose
 from dexplan.scene.library import load_scene
 from dexplan.scene.scene import Scene, scene_from_xml
-from dexplan.scene.touch import Touches, compute_static_normal_force, read_touches
+from dexplan.scene.touch import (
+    TOUCH_FIELDS,
+    Touches,
+    build_touch_model,
+    compute_static_normal_force,
+    read_touches,
+)
 from dexplan.spatial import GRAVITY, Array, direction_from_angles, make_pose, rotate_about
 
 DEPTHS = (30e-6, 60e-6, 90e-6)
@@ -57,6 +64,16 @@ def _press(scene: Scene, fingers: tuple[int, ...]) -> tuple[mujoco.MjData, Array
     return data, q, normals
 
 
+def read(scene: Scene, data: mujoco.MjData) -> Touches:
+    """Return the touches (F, ...) of the state and control of ``data``, as a run's are read: by a batch of one."""
+    batch = Batch(build_touch_model(scene), 1, 1)
+    fields = {name: batch.bind(name) for name in TOUCH_FIELDS}
+    mujoco.mj_getState(scene.model, data, batch.state[0], mujoco.mjtState.mjSTATE_INTEGRATION)
+    batch.forward()
+    touches = read_touches(scene, fields)
+    return Touches(**{name: value[0] for name, value in vars(touches).items()})
+
+
 def _force_W(touches: Touches, finger: int) -> Array:
     return R_WO @ touches.rotation_O[finger] @ touches.force[finger, :3]
 
@@ -73,7 +90,7 @@ def _torque_W(touches: Touches, finger: int) -> Array:
 def test_geometry_of_a_touch(scene: Scene) -> None:
     data, _, normals = _press(scene, (0, 2))
     mujoco.mj_forward(scene.model, data)
-    touches = read_touches(scene, data)
+    touches = read(scene, data)
     assert touches.active.tolist() == [True, False, True]
     for column in (
         touches.point_O,
@@ -93,10 +110,41 @@ def test_geometry_of_a_touch(scene: Scene) -> None:
         assert touches.force[i, 2] > 0.0
 
 
+def test_many_instants_are_read_as_one_by_one(scene: Scene) -> None:
+    batch = Batch(build_touch_model(scene), 3, 1)
+    fields = {name: batch.bind(name) for name in TOUCH_FIELDS}
+    alone = []
+    for row, fingers in zip(batch.state, ((0, 1, 2), (), (1,)), strict=True):
+        data, _, _ = _press(scene, fingers)
+        mujoco.mj_getState(scene.model, data, row, mujoco.mjtState.mjSTATE_INTEGRATION)
+        alone.append(read(scene, data))
+    batch.forward()
+    together = read_touches(scene, fields)
+    assert together.active.sum(axis=1).tolist() == [3, 0, 1]
+    for name, values in vars(together).items():
+        np.testing.assert_array_equal(values, np.stack([vars(one)[name] for one in alone]))
+
+
+def test_sensors_leave_the_physics_alone(scene: Scene) -> None:
+    """Equal states give equal accelerations, bit for bit, and there is no more to the state."""
+    data, _, _ = _press(scene, (0, 1, 2))
+    data.xfrc_applied[scene.object_body] = [0.3, -0.5, 0.4, 0.004, -0.003, 0.006]
+    model, kind = build_touch_model(scene), mujoco.mjtState.mjSTATE_INTEGRATION
+    assert mujoco.mj_stateSize(model, kind) == mujoco.mj_stateSize(scene.model, kind)
+    state = np.zeros(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(scene.model, data, state, kind)
+    other = mujoco.MjData(model)
+    mujoco.mj_setState(model, other, state, kind)
+    mujoco.mj_forward(scene.model, data)
+    mujoco.mj_forward(model, other)
+    np.testing.assert_array_equal(other.qacc, data.qacc)
+    np.testing.assert_array_equal(other.qfrc_constraint, data.qfrc_constraint)
+
+
 def test_nothing_touches_at_home(scene: Scene) -> None:
     data, _, _ = _press(scene, ())
     mujoco.mj_forward(scene.model, data)
-    touches = read_touches(scene, data)
+    touches = read(scene, data)
     assert not touches.active.any()
     assert np.isnan(touches.force).all()
 
@@ -109,7 +157,8 @@ def test_a_known_push_in_equilibrium(scene: Scene) -> None:
     mujoco.mj_inverse(scene.model, data)
     outer = data.qfrc_inverse[scene.object_dof : scene.object_dof + 3].copy()
     weight = np.array([0.0, 0.0, -scene.object.mass * GRAVITY])
-    touches = read_touches(scene, data)
+    data.qfrc_applied[:] = data.qfrc_inverse - data.qfrc_actuator
+    touches = read(scene, data)
     assert np.allclose(_force_W(touches, 0), -outer - weight, atol=1e-9)
     # Pushed straight along the normal, away from the finger.
     assert np.allclose(_force_W(touches, 0), -touches.force[0, 2] * normals[0], atol=1e-6)
@@ -123,7 +172,7 @@ def test_touches_move_the_object_as_newton_says(scene: Scene) -> None:
     push, twist = np.array([0.3, -0.5, 0.4]), np.array([0.004, -0.003, 0.006])
     data.xfrc_applied[scene.object_body] = [*push, *twist]
     mujoco.mj_forward(scene.model, data)
-    touches = read_touches(scene, data)
+    touches = read(scene, data)
     assert touches.active.all()
     linear = data.qacc[scene.object_dof : scene.object_dof + 3]
     angular = R_WO @ data.qacc[scene.object_dof + 3 : scene.object_dof + 6]
@@ -142,7 +191,7 @@ def test_action_is_reaction(scene: Scene) -> None:
     data, q, _ = _press(scene, (0, 1, 2))
     data.xfrc_applied[scene.object_body] = [0.3, -0.5, 0.4, 0.004, -0.003, 0.006]
     mujoco.mj_forward(scene.model, data)
-    touches, center = read_touches(scene, data), scene.object.X_WO_home[:3, 3]
+    touches, center = read(scene, data), scene.object.X_WO_home[:3, 3]
     for i, finger in enumerate(scene.fingers):
         J = compute_tip_jacobian(finger.chain, q[i])
         arm = center + R_WO @ touches.point_O[i] - finger.pose_at(q[i])[:3, 3]
@@ -156,7 +205,7 @@ def test_force_is_the_simulators_own_number(scene: Scene) -> None:
     data, _, _ = _press(scene, (0, 1, 2))
     data.xfrc_applied[scene.object_body] = [0.3, -0.5, 0.4, 0.004, -0.003, 0.006]
     mujoco.mj_forward(scene.model, data)
-    touches = read_touches(scene, data)
+    touches = read(scene, data)
     assert data.ncon == 3
     for k in range(data.ncon):
         contact, wrench = data.contact[k], np.zeros(6)
@@ -180,7 +229,7 @@ def test_slip_is_the_tip_relative_to_the_object(scene: Scene) -> None:
     sideways /= np.linalg.norm(sideways)
     _move_tip(scene, data, q, 0, np.concatenate([0.02 * sideways, np.zeros(3)]))
     mujoco.mj_forward(scene.model, data)
-    touches = read_touches(scene, data)
+    touches = read(scene, data)
     slip_W = R_WO @ touches.rotation_O[0][:, :2] @ touches.slip_velocity[0, :2]
     assert np.allclose(slip_W, 0.02 * sideways, atol=1e-7)
     # Friction drags the object along with the tip.
@@ -188,20 +237,20 @@ def test_slip_is_the_tip_relative_to_the_object(scene: Scene) -> None:
     # The same motion of the object takes the slip away again.
     data.qvel[scene.object_dof : scene.object_dof + 3] = 0.02 * sideways
     mujoco.mj_forward(scene.model, data)
-    assert np.allclose(read_touches(scene, data).slip_velocity[0], 0.0, atol=1e-7)
+    assert np.allclose(read(scene, data).slip_velocity[0], 0.0, atol=1e-7)
 
 
 def test_spin_is_about_the_normal_into_the_object(scene: Scene) -> None:
     data, q, normals = _press(scene, (0,))
     _move_tip(scene, data, q, 0, np.concatenate([np.zeros(3), -0.3 * normals[0]]))
     mujoco.mj_forward(scene.model, data)
-    touches = read_touches(scene, data)
+    touches = read(scene, data)
     assert np.allclose(touches.slip_velocity[0], [0.0, 0.0, 0.3], atol=1e-6)
     assert touches.force[0, 3] > 0.0
     # qvel of a free joint turns in body axes.
     data.qvel[scene.object_dof + 3 : scene.object_dof + 6] = R_WO.T @ (-0.5 * normals[0])
     mujoco.mj_forward(scene.model, data)
-    assert read_touches(scene, data).slip_velocity[0, 2] == pytest.approx(-0.2, abs=1e-6)
+    assert read(scene, data).slip_velocity[0, 2] == pytest.approx(-0.2, abs=1e-6)
 
 
 def test_rolling_is_not_slipping(scene: Scene) -> None:
@@ -211,12 +260,12 @@ def test_rolling_is_not_slipping(scene: Scene) -> None:
     touch_to_center = (scene.fingers[0].tip_radius - DEPTHS[0] / 2) * normals[0]
     _move_tip(scene, data, q, 0, np.concatenate([np.cross(axis, touch_to_center), axis]))
     mujoco.mj_forward(scene.model, data)
-    assert np.allclose(read_touches(scene, data).slip_velocity[0], 0.0, atol=1e-7)
+    assert np.allclose(read(scene, data).slip_velocity[0], 0.0, atol=1e-7)
     # The ball turning under a tip at rest slips the other way.
     data, _, _ = _press(scene, (0,))
     data.qvel[scene.object_dof + 3 : scene.object_dof + 6] = R_WO.T @ np.array([0.0, 0.0, 1.0])
     mujoco.mj_forward(scene.model, data)
-    touches = read_touches(scene, data)
+    touches = read(scene, data)
     surface = np.cross([0.0, 0.0, 1.0], R_WO @ touches.point_O[0])
     slip_W = R_WO @ touches.rotation_O[0][:, :2] @ touches.slip_velocity[0, :2]
     assert np.allclose(slip_W, -surface, atol=1e-7)

@@ -38,10 +38,13 @@ class DualActiveSet:
         self._iterations = iterations
         self._model: daqp.Model | None = None
 
-    def solve(self, D: Array, aim: Array, lower: Array, upper: Array) -> ActiveSetAnswer | None:
+    def solve(
+        self, D: Array, aim: Array, lower: Array, upper: Array, is_new: bool = True
+    ) -> ActiveSetAnswer | None:
         """Return the optimum, or None if it was not found: there is none, or the iterations are used up.
 
-        Rows whose bounds are equal are equations, redundant ones included; shapes are the same in every call.
+        Rows whose bounds are equal are equations, redundant ones included; shapes are the same in every call.  ``is_new``:
+        whether ``D`` has other numbers than in the call before; the same ones need not be looked at again.
         """
         if self._model is None:
             model = daqp.Model()
@@ -49,7 +52,7 @@ class DualActiveSet:
             flag, _ = model.setup(np.eye(len(aim)), -aim, D, upper, lower)
         else:
             model = self._model
-            flag = model.update(f=-aim, A=D, bupper=upper, blower=lower)
+            flag = model.update(f=-aim, A=D if is_new else None, bupper=upper, blower=lower)
         self._model = None  # what a failure leaves behind is not to start from
         if flag < 0:
             return None
@@ -69,8 +72,17 @@ def is_optimal(x: Array, multipliers: Array, D: Array, aim: Array, lower: Array,
     """
     value = D @ x
     above, below = value - upper, lower - value
-    miss = np.maximum(above, below)
-    miss = np.where(multipliers > _TOLERANCE, np.abs(above), miss)
-    miss = np.where(multipliers < -_TOLERANCE, np.abs(below), miss)
-    slope = np.abs(x - aim + multipliers @ D)
-    return bool(miss.max() <= _TOLERANCE and slope.max() <= _TOLERANCE)
+    slope = multipliers @ D
+    slope += x
+    slope -= aim
+    np.abs(slope, out=slope)
+    if not (above.max() <= _TOLERANCE and below.max() <= _TOLERANCE and slope.max() <= _TOLERANCE):
+        return False
+    # Few rows have a multiplier.
+    for k in multipliers.nonzero()[0].tolist():
+        multiplier = multipliers[k]
+        if multiplier > _TOLERANCE and not above[k] >= -_TOLERANCE:
+            return False
+        if multiplier < -_TOLERANCE and not below[k] >= -_TOLERANCE:
+            return False
+    return True

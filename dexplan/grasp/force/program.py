@@ -92,12 +92,18 @@ class ForceRows:
         self.aim = np.zeros(size)
         self.lower, self.upper = np.full(total, -INFINITY), np.zeros(total)
         self.upper[first_torque:] = INFINITY
+        self.is_new = True  # whether the last `write` changed the matrix
+        self._G: Array | None = None
+        self._torque_maps: Array | None = None
 
     def write(self, problem: ForceProblem) -> None:
         """Take over the values of ``problem``."""
         settings, limits, joints = self.settings, problem.limits, self._joints
         lower, upper = self.lower, self.upper
-        np.multiply(problem.G, self._G_scale, out=self.D[:6])
+        # What cannot be written has not changed: the same arrays have the same numbers.
+        self.is_new = not (problem.G is self._G and (problem.torque_maps is self._torque_maps or not joints))
+        if self.is_new:
+            self._write_matrix(problem)
         wrench, band = problem.wrench, settings.wrench_tolerance
         lower[:3], lower[3:6] = wrench[:3], wrench[3:] / settings.length
         upper[:6] = lower[:6] + band
@@ -106,10 +112,6 @@ class ForceRows:
         lower[normal] = limits.normal_floor
         upper[normal] = limits.normal_ceiling
         if joints:
-            assert problem.torque_maps is not None
-            self.D.ravel()[self._torque_place] = (
-                problem.torque_maps.ravel()[self._map_index] * self._map_scale
-            )
             torque, bias = self.groups["joint torque"], problem.torque_bias
             for bounds, limit, none in (
                 (lower, limits.torque_lower, -INFINITY),
@@ -127,6 +129,15 @@ class ForceRows:
             self.aim += s * problem.previous.ravel()[self.padded] / self.scale
             self.aim /= 1.0 + s
         self.aim *= self.root
+
+    def _write_matrix(self, problem: ForceProblem) -> None:
+        np.multiply(problem.G, self._G_scale, out=self.D[:6])
+        if self._joints:
+            assert problem.torque_maps is not None
+            self.D.ravel()[self._torque_place] = (
+                problem.torque_maps.ravel()[self._map_index] * self._map_scale
+            )
+        self._G, self._torque_maps = problem.G, problem.torque_maps
 
     def as_program(self) -> Program:
         """Return the program in y, as dense copies."""

@@ -116,9 +116,24 @@ class ForceSolver:
         self._joints, self._tolerance = joints_per_finger, tolerance
         self._rows = ForceRows(self.settings, joints_per_finger)
         self._size = len(self._rows.p)
-        self._active_set = DualActiveSet(exchanges) if exchanges else None
-        self._splitting = Splitting(self._rows.as_program(), self._rows.pattern, tolerance, max_iterations)
+        self._max_iterations, self._exchanges = max_iterations, exchanges
+        self._empty = self._rows.as_program()
+        self.forget()
+
+    def forget(self) -> None:
+        """Be as new: what was solved before leaves nothing to start from."""
+        self._active_set = DualActiveSet(self._exchanges) if self._exchanges else None
+        self._made_splitting: Splitting | None = None
         self._last: ActiveSetAnswer | None = None  # an optimum that OSQP has not seen
+
+    @property
+    def _splitting(self) -> Splitting:
+        """OSQP, set up when it is first needed: where DAQP finds everything it never is."""
+        if self._made_splitting is None:
+            self._made_splitting = Splitting(
+                self._empty, self._rows.pattern, self._tolerance, self._max_iterations
+            )
+        return self._made_splitting
 
     def solve(
         self,
@@ -160,7 +175,7 @@ class ForceSolver:
         rows = self._rows
         rows.write(problem)
         if self._active_set is not None:
-            answer = self._active_set.solve(rows.D, rows.aim, rows.lower, rows.upper)
+            answer = self._active_set.solve(rows.D, rows.aim, rows.lower, rows.upper, rows.is_new)
             if answer is not None:
                 self._last = answer
                 return self._as_solution(answer.x, "solved", problem, (), "DAQP", answer.iterations)

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import mujoco
 import numpy as np
+from mujoco.batch import Batch
 
-from dexplan.control.controller import Command, Controller
+from dexplan.control.controller import Controller
 from dexplan.control.observation import Observation
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
 from dexplan.kinematics.chain import solve_ik
 from dexplan.scene.scene import Scene
-from dexplan.scene.touch import Touches, compute_static_normal_force, read_touches
+from dexplan.scene.touch import build_touch_model, compute_static_normal_force
 from dexplan.sim.machine import describe_machine, describe_versions
+from dexplan.sim.record.recorder import BATCH, STATE, Recorder
 from dexplan.sim.trace import Trace
-from dexplan.spatial import Array, as_pose7, make_pose
+from dexplan.spatial import Array
 
 START_DEPTH = 5e-5
 """How deep the tips stand in the object at the start [m]: about what their first newtons make of a touch."""
 PACKAGES = ("dexplan", "mujoco", "mink", "daqp", "osqp", "numpy", "scipy")
 """Whose versions a record names."""
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 def rollout(
@@ -50,23 +52,20 @@ def rollout(
         raise ValueError(
             f"{options.rate:g} ticks per second do not last a whole number of physics steps of {model.opt.timestep:g} s"
         )
-    data, probe = mujoco.MjData(model), mujoco.MjData(model)
+    data = mujoco.MjData(model)
     X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
-    _set_start(scene, believed, reference, options, X_WO, data)
-    size = mujoco.mj_stateSize(model, STATE)
-    state = np.zeros(size)
-    mujoco.mj_getState(model, data, state, STATE)
-    initial_state = state.copy()
     controller = Controller(believed, reference, options)
-    rows: dict[str, list[Any]] = {name: [] for name in _COLUMNS}
+    senses = _Senses(scene, data)
+    _set_start(scene, believed, reference, controller, X_WO, data)
+    initial_state = np.zeros(mujoco.mj_stateSize(model, STATE))
+    mujoco.mj_getState(model, data, initial_state, STATE)
+    # On this thread alone: whoever wants more cores runs more runs.
+    recorder = Recorder(scene, Batch(build_touch_model(scene), BATCH, 1))
     planned = max(reference.duration, options.tick)
     failure: str | None = None
 
     def as_trace(failure: str | None) -> Trace:
-        # Cut short in the middle of a sample, some columns are one longer than others.
-        count = min(map(len, rows.values()))
-        columns = {name: np.array(values[:count]) for name, values in rows.items()}
-        columns["object_pose_reference"] = as_pose7(columns["object_pose_reference"])
+        columns = recorder.as_columns()
         columns["initial_state"] = initial_state
         columns["physics_steps_per_sample"] = np.array(steps)
         made_by = {"versions": describe_versions(*PACKAGES), "machine": describe_machine()}
@@ -74,13 +73,9 @@ def rollout(
 
     try:
         for _ in range(int(3.0 * planned / options.tick) + 500):
-            command = controller.step(_observe(scene, data))
+            command = controller.step(senses.observe())
             data.ctrl[:] = command.ctrl
-            mujoco.mj_getState(model, data, state, STATE)
-            mujoco.mj_setState(model, probe, state, STATE)
-            probe.ctrl[:] = command.ctrl
-            mujoco.mj_forward(model, probe)
-            _record(rows, scene, data, command, read_touches(scene, probe))
+            recorder.keep(data, command)
             failure = command.failure or _find_failure(scene, data, command.X_WO_ref)
             if command.is_done or failure:
                 break
@@ -88,7 +83,7 @@ def rollout(
             if progress is not None:
                 progress(min(1.0, data.time / planned))
     except BaseException as error:
-        if rows["ik_at_limit"]:
+        if recorder.count:
             what = "interrupted" if isinstance(error, KeyboardInterrupt) else type(error).__name__
             error.trace = as_trace(f"cut short: {what}")  # type: ignore[attr-defined]
         raise
@@ -97,33 +92,13 @@ def rollout(
 
 FALLEN = 0.05
 """An object so far under its reference [m] was dropped."""
-_COLUMNS = (
-    "time",
-    "qpos",
-    "qvel",
-    "ctrl",
-    "object_pose_reference",
-    "action_index",
-    "phase_index",
-    "contact_active",
-    "contact_point_O",
-    "contact_rotation_O",
-    "contact_force",
-    "contact_force_reference",
-    "contact_slip_velocity",
-    "tip_contact_angle",
-    "qp_status",
-    "qp_wrench_residual",
-    "tip_tracking_error",
-    "ik_at_limit",
-)
 
 
 def _set_start(
     scene: Scene,
     believed: Scene,
     reference: Reference,
-    options: ControlOptions,
+    controller: Controller,
     X_WO: Array,
     data: mujoco.MjData,
 ) -> None:
@@ -131,13 +106,16 @@ def _set_start(
 
     The world starts at rest; a tip that starts too shallow would fall into the object and drag it along.  Contacts are stated by
     direction: where the true object or tips have another size than the ``believed`` ones, the tips touch the true object.
+    ``controller`` is asked for its first command, again and again, and left as new.
     """
     touching = [i for i, start in enumerate(reference.start) if start is not None]
     depth = np.full(scene.n_fingers, START_DEPTH)
+    senses = _Senses(scene, data)
     for _ in range(4):
         data.qpos[:] = scene.as_qpos(_start_posture(scene, believed, reference, X_WO, depth), X_WO)
         mujoco.mj_forward(scene.model, data)
-        wanted = Controller(believed, reference, options).step(_observe(scene, data)).forces_W
+        wanted = controller.step(senses.observe()).forces_W
+        controller.restart()
         surface_normals = {i: _inward_normal(scene, data, i) for i in touching}
         for i in touching:
             static = compute_static_normal_force(scene, data, i)
@@ -171,60 +149,40 @@ def _start_posture(scene: Scene, believed: Scene, reference: Reference, X_WO: Ar
     return np.stack(posture)
 
 
-def _observe(scene: Scene, data: mujoco.MjData) -> Observation:
-    # The free joint's qpos, not xpos: derived quantities of the last sub-step are one step old.
-    address = scene.object_qpos
-    R = np.empty(9)
-    mujoco.mju_quat2Mat(R, data.qpos[address + 3 : address + 7])
-    X_WO = make_pose(R.reshape(3, 3), data.qpos[address : address + 3])
-    touched: set[int] = set()
-    if data.ncon:
-        for (a, b), distance in zip(data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True):
-            if distance < 0.0 and scene.object_geom in (a, b):
-                touched.add(b if a == scene.object_geom else a)
-    touching = np.array([tip in touched for tip in scene.tip_geoms.tolist()])
-    return Observation(data.time, data.qpos[scene.joint_qpos], data.qvel[scene.joint_dof], X_WO, touching)
+class _Senses:
+    """Reads from the simulator what a robot's senses would tell."""
 
+    def __init__(self, scene: Scene, data: mujoco.MjData) -> None:
+        self._scene, self._data = scene, data
+        # The free joint's qpos, not xpos: derived quantities of the last sub-step are one step old.
+        address = scene.object_qpos
+        self._qpos, self._qvel, self._contacts = data.qpos, data.qvel, data.contact
+        self._p_WO, self._quat = data.qpos[address : address + 3], data.qpos[address + 3 : address + 7]
+        self._flat, self._eye = np.empty(9), np.eye(4)
+        self._R_WO = self._flat.reshape(3, 3)
+        self._tips = scene.tip_geoms.tolist()
 
-def _record(
-    rows: dict[str, list[Any]], scene: Scene, data: mujoco.MjData, command: Command, touches: Touches
-) -> None:
-    reference = np.full((scene.n_fingers, 4), np.nan)
-    flat = np.empty(9)
-    mujoco.mju_quat2Mat(flat, data.qpos[scene.object_qpos + 3 : scene.object_qpos + 7])
-    R_WO = flat.reshape(3, 3)
-    for i in np.flatnonzero(touches.active):
-        R_WC = R_WO @ touches.rotation_O[i]
-        reference[i, :3] = R_WC.T @ command.forces_W[i, :3]
-        reference[i, 3] = command.forces_W[i, 3]
-    values = {
-        "time": data.time,
-        "qpos": data.qpos.copy(),
-        "qvel": data.qvel.copy(),
-        "ctrl": command.ctrl,
-        "object_pose_reference": command.X_WO_ref,
-        "action_index": command.action_index,
-        "phase_index": command.phase_index,
-        "contact_active": touches.active,
-        "contact_point_O": touches.point_O,
-        "contact_rotation_O": touches.rotation_O,
-        "contact_force": touches.force,
-        "contact_force_reference": reference,
-        "contact_slip_velocity": touches.slip_velocity,
-        "tip_contact_angle": touches.pole_angle,
-        "qp_status": 0 if command.qp is None or command.qp.is_solved else 1,
-        "qp_wrench_residual": 0.0 if command.qp is None else float(np.abs(command.qp.wrench_residual).max()),
-        "tip_tracking_error": command.tip_error,
-        "ik_at_limit": command.ik_at_limit,
-    }
-    for name, value in values.items():
-        rows[name].append(value)
+    def observe(self) -> Observation:
+        """Return what is sensed now."""
+        scene, data, ball = self._scene, self._data, self._scene.object_geom
+        X_WO = self._eye.copy()
+        mujoco.mju_quat2Mat(self._flat, self._quat)
+        X_WO[:3, :3], X_WO[:3, 3] = self._R_WO, self._p_WO
+        touched: set[int] = set()
+        if data.ncon:
+            for (a, b), distance in zip(
+                self._contacts.geom.tolist(), self._contacts.dist.tolist(), strict=True
+            ):
+                if distance < 0.0 and (a == ball or b == ball):
+                    touched.add(b if a == ball else a)
+        touching = np.array([tip in touched for tip in self._tips])
+        q, qdot = self._qpos[scene.joint_qpos], self._qvel[scene.joint_dof]
+        return Observation(data.time, q, qdot, X_WO, touching)
 
 
 def _find_failure(scene: Scene, data: mujoco.MjData, X_WO_ref: Array) -> str | None:
-    height = data.qpos[scene.object_qpos + 2]
-    if not np.isfinite(data.qpos).all():
+    if not math.isfinite(data.qpos.sum()):
         return "the simulation diverged"
-    if height < X_WO_ref[2, 3] - FALLEN:
+    if data.qpos[scene.object_qpos + 2] < X_WO_ref[2, 3] - FALLEN:
         return "the object was dropped"
     return None
