@@ -21,7 +21,7 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.limits import AdmissibleLimits
 from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.planning.gait.cost import CostWeights, Improvement
-from dexplan.planning.tasks.blocked import explain_obstruction
+from dexplan.planning.tasks.blocked import find_obstruction
 from dexplan.planning.tasks.dextrous_manipulation import plan_dextrous_manipulation
 from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
@@ -30,6 +30,7 @@ from dexplan.planning.tasks.rolling_start import plan_object_manipulation
 from dexplan.plans.forces import NormalForces
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
@@ -165,13 +166,15 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
         )
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
-    if reason := build_squeeze(problem, scene).refusal:
-        return replace(refuse(hand, goal, "object_too_light", reason), goal_kind=asked.kind)
+    if refusal := build_squeeze(problem, scene).refusal:
+        reason = f"{refusal}; {refusal.cure}"
+        plan = refuse(hand, goal, Status.OBJECT_TOO_LIGHT, reason, refusal)
+        return replace(plan, goal_kind=asked.kind)
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
     waiting = None if start is None else tuple(f for f, normal in enumerate(start) if normal is None)
-    if reason := explain_obstruction(hand, waiting):
-        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
+    if no := find_obstruction(hand, waiting):
+        return replace(refuse(hand, goal, no.status, no.reason, no.refusal), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)

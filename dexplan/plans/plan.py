@@ -23,17 +23,17 @@ from dexplan.plans.file import FORMAT, PlanReader, PlanWriter, read_touchdown, w
 from dexplan.plans.forces import NormalForces
 from dexplan.plans.format1 import OLD_FORMAT, upgrade
 from dexplan.plans.poses import read_pose, write_pose
+from dexplan.plans.refusal import Refusal
 from dexplan.plans.speed import PlannedSpeed
+from dexplan.plans.status import Status
 from dexplan.plans.timing import Touchdown
 from dexplan.plans.words import describe_goal_contacts, explain_action
 from dexplan.spatial import Array, read_only
 
-SOLVED = "solved"
-
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The answer to a problem: ``status`` "solved", or why not and what would help in ``reason``.
+    """The answer to a problem: its ``status``, and where that is a no what stood in the way and would help, in ``reason``.
 
     ``turned_angle`` is the signed unwrapped turn of the goal [rad], None where the goal is an attitude without an axis.
     ``X_WO_goal`` (4, 4) is the goal pose.  ``statistics`` counts the work of the search.  ``goal_contacts`` says per finger where
@@ -43,7 +43,7 @@ class Plan:
     ``touchdown`` says how fingers meet and leave the object.
     """
 
-    status: str
+    status: Status
     reason: str
     fingers: tuple[str, ...]
     goal_kind: str
@@ -60,10 +60,13 @@ class Plan:
     normal_ceiling: float = NormalForces.ceiling
     speed: PlannedSpeed | None = None
     touchdown: Touchdown = field(default_factory=Touchdown)
+    refusal: Refusal | None = None
+    """What stood in the way, as a value; None where the goal is reached."""
 
     __repr__ = brief_repr
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "status", Status(self.status))
         for name in ("X_WO_start", "X_WO_goal", "axis_W"):
             value = getattr(self, name)
             if value is not None:
@@ -75,7 +78,7 @@ class Plan:
     @property
     def is_solved(self) -> bool:
         """Whether the plan reaches the goal."""
-        return self.status == SOLVED
+        return self.status.is_solved
 
     @property
     def is_timed(self) -> bool:
@@ -94,6 +97,7 @@ class Plan:
             "format": FORMAT,
             "status": self.status,
             "reason": self.reason,
+            **({} if self.refusal is None else {"refusal": self.refusal.as_dict()}),
             "fingers": list(self.fingers),
             "normal_force_N": self.normal_force,
             "normal_floor_N": self.normal_floor,
@@ -155,7 +159,7 @@ class Plan:
         start, goal = data["start"], data["goal"]
         turned = goal["turned_angle_deg"]
         return cls(
-            status=data["status"],
+            status=Status(data["status"]),
             reason=data["reason"],
             fingers=tuple(data["fingers"]),
             goal_kind=goal["kind"],
@@ -171,6 +175,8 @@ class Plan:
             touchdown=read_touchdown(data["touchdown"]),
             speed=None if data["speed"] is None else PlannedSpeed.from_dict(data["speed"]),
             statistics=data["statistics"],
+            # Older files, and plans that reach their goal, have none.
+            refusal=None if data.get("refusal") is None else Refusal.from_dict(data["refusal"]),
             goal_contacts=None if goal["contacts"] is None else reader.read_goal_contacts(goal["contacts"]),
         )
 

@@ -55,7 +55,7 @@ class Attempt:
     @property
     def is_fair(self) -> bool:
         """Whether the start is one that the hand can be in and that holds the object: else it is no question to a planner."""
-        return not self.plan.status.startswith("start_")
+        return not self.plan.status.is_about_start
 
 
 def draw_questions(hand: HandModel, count: int, seed: int) -> Iterator[Question]:

@@ -24,7 +24,8 @@ from dexplan.planning.rolling.roll_gait import as_roll, build_roll, end_placemen
 from dexplan.plans.actions import Action, Roll
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.phases import MUST, PlannedPhase
-from dexplan.plans.plan import SOLVED, Plan
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.plans.tip_roll import TipRoll
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
@@ -130,13 +131,14 @@ class Stand:
                 ways[leg.finger] = q
                 _, refusal = judge_ways(self.hand, judge, self.plan.X_WO_start, ways)
             if refusal:
-                return None, refusal
+                return None, str(refusal)
             contacts[leg.finger] = end_placement(leg, before, q[-1])
             actions.append(_build_action(first, tuple(contacts), leg))
         if refusal := refuse_rotation(self.hand, actions):
-            return None, refusal
+            return None, str(refusal)
         actions.append(replace(last, contacts_end=tuple(contacts)))
-        return pipeline.time_plan(self.problem, replace(self.plan, actions=tuple(actions), status=SOLVED)), ""
+        solved = replace(self.plan, actions=tuple(actions), status=Status.SOLVED)
+        return pipeline.time_plan(self.problem, solved), ""
 
 
 def build_stands(profile: str) -> list[Stand]:

@@ -13,7 +13,8 @@ from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll_actions
 from dexplan.plans.actions import Action
 from dexplan.plans.motion import rest_at
-from dexplan.plans.plan import SOLVED, Plan
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.problems.derived import PATCH_PER_TIP
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
@@ -52,7 +53,7 @@ def build_three_to_two(problem: Problem, *, is_early: bool = False) -> tuple[Pla
     rolling = RollToPair(hand, X_WO, plan.start_contacts, Admissibility(hand))
     found = next(rolling.options(), None)
     if found is None:
-        return None, rolling.explain()
+        return None, "; ".join(map(str, rolling.explain()))
     still = rest_at(X_WO, UP)
     hold = build_hold(plan.start_contacts, still, "let the grasp settle")
     roll, lift = build_roll_actions(found, hand, X_WO, UP)
@@ -61,7 +62,8 @@ def build_three_to_two(problem: Problem, *, is_early: bool = False) -> tuple[Pla
         lift = replace(lift, contacts_end=gone)
     end = build_hold(lift.contacts_end, still, "the pair holds")
     actions: tuple[Action, ...] = (hold, lift, end) if is_early else (hold, roll, lift, end)
-    return pipeline.time_plan(problem, replace(plan, status=SOLVED, reason="", actions=actions)), ""
+    solved = replace(plan, status=Status.SOLVED, reason="", actions=actions)
+    return pipeline.time_plan(problem, solved), ""
 
 
 def run_three_to_two(sliding: float, tip_radius: float, profile: str = "firm") -> ThreeToTwo:

@@ -23,7 +23,8 @@ from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.ways.detour import Surroundings, find_detour
 from dexplan.planning.ways.travel import find_way
 from dexplan.plans.contacts import Placement
-from dexplan.plans.plan import SOLVED, Plan
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
@@ -168,7 +169,17 @@ def plan(barred: Landing) -> Plan:
     names = tuple(f.name for f in barred.hand.fingers)
     axis = np.array([0.0, 0.0, 1.0])
     plan = Plan(
-        SOLVED, "", names, "object_manipulation", X_WO, X_WO, axis, 0.0, (None, two, three), actions, 5.5
+        Status.SOLVED,
+        "",
+        names,
+        "object_manipulation",
+        X_WO,
+        X_WO,
+        axis,
+        0.0,
+        (None, two, three),
+        actions,
+        5.5,
     )
     return time_plan(plan, barred.hand.fingers, Timing())
 

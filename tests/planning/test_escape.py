@@ -14,7 +14,15 @@ from scipy.spatial.transform import Rotation
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.cost import Improvement
-from dexplan.planning.gait.escape import ALIKE, COUNT, ENOUGH, FURTHEST, Escape, count_room, find_escapes
+from dexplan.planning.gait.escape import (
+    ALIKE,
+    COUNT,
+    FURTHEST,
+    MOST_PLACES_COUNTED,
+    Escape,
+    count_room,
+    find_escapes,
+)
 from dexplan.planning.gait.held import Held, Landfall
 from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_routes, list_swings
@@ -115,7 +123,9 @@ def test_escapes_lead_to_where_a_finger_can_land(
 def test_escapes_are_different_ways_the_roomiest_and_nearest_first(cases: dict[int, Case]) -> None:
     for number in STUCK:
         escapes = cases[number].escapes
-        scores = [min(e.room, ENOUGH) / ENOUGH - 0.5 * e.angle / FURTHEST for e in escapes]
+        scores = [
+            min(e.room, MOST_PLACES_COUNTED) / MOST_PLACES_COUNTED - 0.5 * e.angle / FURTHEST for e in escapes
+        ]
         assert scores == sorted(scores, reverse=True)
         for k, one in enumerate(escapes):
             assert all(one.axis_W @ two.axis_W < ALIKE for two in escapes[:k])
@@ -178,7 +188,7 @@ def test_who_has_room_goes_straight(
 ) -> None:
     """With plenty of room nobody even looks for an escape; with little, escapes come last; with none, first."""
     tight, stuck, roomy = cases[TIGHT], cases[STUCK[0]], cases[ROOMY]
-    assert stuck.room == 0 < tight.room < ENOUGH <= roomy.room
+    assert stuck.room == 0 < tight.room < MOST_PLACES_COUNTED <= roomy.room
     asked: list[int] = []
 
     def tell(table: ContactTable, held: Pair) -> list[Escape]:

@@ -11,6 +11,7 @@ from dexplan import pipeline
 from dexplan.errors import ProblemError
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states
 from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import RefusalKind
 from dexplan.problems.read import load_problem
 from dexplan.spatial import rotate_about
 
@@ -65,7 +66,11 @@ def test_the_limit_is_where_the_judge_says_no(beyond: Plan) -> None:
             q[c.finger] = solved[0]
         refusals.append(judge.compute_margins(q, X_WO, (0, 1, 2), axis_W=move.motion.axis_W).refusal)
         least = min(range(3), key=lambda f: compute_finger_states(hand, f, q[f][None])[0].dexterity)
-    assert refusals == ["", "", "", "a finger comes near a singular posture"]
+    assert refusals[:3] == [None] * 3
+    assert refusals[3] is not None
+    assert (refusals[3].kind, refusals[3].subject) == (RefusalKind.SINGULAR, ("finger_2",))
+    assert beyond.refusal is not None
+    assert (beyond.refusal.kind, beyond.refusal.subject) == (RefusalKind.SINGULAR, ("finger_2",))
     assert least == 1
 
 

@@ -103,7 +103,7 @@ class TestThreeToTwo:
         slippery = replace(hand, friction=hand.friction.scaled(0.2))
         search = RollToPair(slippery, ring.X_WO_start, ring.start_contacts, Admissibility(slippery))
         assert next(search.options(), None) is None
-        assert "cannot carry the load" in search.explain()
+        assert "cannot carry the load" in "; ".join(map(str, search.explain()))
 
     def test_actions_ask_for_the_right_contacts(self, hand: HandModel, ring: Plan) -> None:
         found = next(RollToPair(hand, ring.X_WO_start, ring.start_contacts, Admissibility(hand)).options())
@@ -124,8 +124,8 @@ class TestRolls:
         )
         # 30 degrees on the tip are 30 * 18 / 35 on the ball: the last sample before it is kept
         assert len(q) == int(30.0 * 18.0 / 35.0) + 1
-        assert "off its tip's pole" in refusal
-        assert follow_roll(hand, ring.X_WO_start, roll, start.q)[1] == ""
+        assert "off its tip's pole" in str(refusal)
+        assert follow_roll(hand, ring.X_WO_start, roll, start.q)[1] is None
 
     def test_rolls_stop_at_joint_limits(self, hand: HandModel, ring: Plan) -> None:
         start = touching(ring)[0]
@@ -139,7 +139,7 @@ class TestRolls:
         )
         q, refusal = follow_roll(replace(hand, fingers=fingers), ring.X_WO_start, roll, start.q)
         assert 2 < len(q) < roll.count
-        assert "joint limit while it rolls" in refusal
+        assert "joint limit while it rolls" in str(refusal)
 
     def test_spline_passes_through_its_samples(self, hand: HandModel, ring: Plan) -> None:
         roll = build_roll(hand, touching(ring)[1], UP, np.radians(20.0), 21)

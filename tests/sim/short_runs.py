@@ -12,7 +12,8 @@ from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, build_reference
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.gait.steps import Step
-from dexplan.plans.plan import SOLVED, Plan
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
@@ -61,7 +62,8 @@ def plan_of(problem: Problem) -> Plan:
         step = Step(contacts, plan.X_WO_start, plan.X_WO_start, 0.0, None, None, (None, "the goal"))
         assert plan.axis_W is not None
         actions = build_actions([step], plan.start_contacts, plan.axis_W)
-        return pipeline.time_plan(problem, replace(plan, status=SOLVED, reason="", actions=actions))
+        solved = replace(plan, status=Status.SOLVED, reason="", actions=actions)
+        return pipeline.time_plan(problem, solved)
     assert plan.is_solved, plan.reason
     return plan
 

@@ -11,6 +11,7 @@ from dexplan.plans.actions import MoveObject
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.phases import PlannedPhase, demand_touch
+from dexplan.plans.refusal import Refusal
 
 
 def center_spin(hand: HandModel, placement: Placement, motion: ObjectMotion) -> Placement:
@@ -32,7 +33,7 @@ def plan_coordinated(
     contacts: Contacts,
     motion: ObjectMotion,
     why: str,
-) -> tuple[MoveObject | None, str]:
+) -> tuple[MoveObject | None, Refusal | None]:
     """Return the action that carries the object through ``motion`` with all ``contacts`` fixed, or why that is not possible."""
     poses = motion.poses()
     ways = {}
@@ -54,4 +55,4 @@ def plan_coordinated(
         why=why,
         margins=worst(rows),
     )
-    return action, ""
+    return action, None

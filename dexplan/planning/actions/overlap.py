@@ -18,19 +18,21 @@ from dexplan.planning.actions.joining import follow_actions
 from dexplan.planning.admissible.carry import follow_object
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
 from dexplan.planning.admissible.order import keeps_order
-from dexplan.planning.ways.detour import Surroundings, find_detour
-from dexplan.planning.ways.travel import Way
+from dexplan.planning.ways.detour import NOBODY, Surroundings, find_detour
+from dexplan.planning.ways.travel import Way, choose_nearer
 from dexplan.plans.actions import Action, FingerWay, MoveObject, Relocate
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.phases import TRAVEL
 from dexplan.plans.plan import Plan
+from dexplan.scene.description import Nearness
 from dexplan.spatial import Array
 
 LOOKS = 33
 """A journey is looked at this often at least."""
 LIMITS = "the finger's joint limits or the fingers' order"
 """What is in the way where no body is."""
+AT_LIMITS = Nearness(-np.inf, LIMITS)
 
 
 def build_journey(
@@ -132,41 +134,41 @@ def _find_journey(
         q[list(touching)] = [way[k] for way in carried]
         moments.append(Surroundings(hand, q, X_WO, finger, touching))
     arc = build_journey(who, leaves, comes, motion)
-    clearance, names = _look(moments, holders, arc)
-    if clearance >= hand.limits.clearance:
-        return Way(arc, clearance, names)
+    nearest = _look(moments, holders, arc)
+    if nearest.distance >= hand.limits.clearance:
+        return Way(arc, nearest)
     found = find_detour((moments[0], moments[len(moments) // 2], moments[-1]), arc[0], arc[-1])
     if found.way is None:
         return None
-    least, nearest = _look(moments, holders, found.way)
-    return Way(found.way, least, nearest, names) if least >= hand.limits.clearance else None
+    around, nearest = nearest.names, _look(moments, holders, found.way)
+    return Way(found.way, nearest, around) if nearest.distance >= hand.limits.clearance else None
 
 
-def _look(moments: list[Surroundings], holders: tuple[Placement, ...], way: Array) -> tuple[float, str]:
-    """Return the least clearance [m] of a finger on its ``way`` (K, J) through the ``moments`` of a motion, and between whom.
+def _look(moments: list[Surroundings], holders: tuple[Placement, ...], way: Array) -> Nearness:
+    """Return what is nearest to what while a finger goes its ``way`` (K, J) through the ``moments`` of a motion.
 
-    -inf where a joint leaves its limits or the fingers' order changes.
+    The distance is -inf where a joint leaves its limits or the fingers' order changes.
     """
     hand, finger = moments[0].hand, moments[0].finger
     chain = hand.fingers[finger].chain
     if compute_joint_margin(chain, refine(way)).min() < compute_travel_margin(hand, finger):
-        return -np.inf, LIMITS
+        return AT_LIMITS
     share = np.linspace(0.0, 1.0, len(moments))
     done = share**3 * (10.0 + share * (6.0 * share - 15.0))
     even = np.linspace(0.0, 1.0, len(way))
     travelled = np.stack([np.interp(done, even, column) for column in way.T], axis=1)
     tips = compute_tip_pose(chain, travelled)[:, :3, 3]
-    least: tuple[float, str] = (np.inf, "")
+    least = NOBODY
     for moment, posture, tip in zip(moments, travelled, tips, strict=True):
         X_WO = moment.X_WO
         normals = {f: p - X_WO[:3, 3] for f, p in enumerate(hand.p_WF_home)}
         normals.update({c.finger: X_WO[:3, :3] @ c.normal_O for c in holders})
         normals[finger] = tip - X_WO[:3, 3]
-        least = min(least, moment.compute_clearance(posture))
-        if least[0] < hand.limits.clearance:
+        least = choose_nearer(least, moment.find_nearest(posture))
+        if least.distance < hand.limits.clearance:
             return least
         if not keeps_order(hand, normals):
-            return -np.inf, LIMITS
+            return AT_LIMITS
     return least
 
 

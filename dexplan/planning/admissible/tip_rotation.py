@@ -16,6 +16,7 @@ import numpy as np
 from dexplan.errors import spell_apart
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.plans.actions import Action
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
 
@@ -50,8 +51,8 @@ def measure_rotation(places: Array) -> Array:
         swept[first:] = swept[first]
 
 
-def refuse_rotation(hand: HandModel, actions: Iterable[Action]) -> str:
-    """Return which tip would roll too far round between a touch and the next lift; "" where none does."""
+def refuse_rotation(hand: HandModel, actions: Iterable[Action]) -> Refusal | None:
+    """Return which tip would roll too far round between a touch and the next lift; None where none does."""
     on_tip: dict[int, list[Array]] = {}
     for action in actions:
         for roll in action.rolls:
@@ -66,14 +67,16 @@ def refuse_rotation(hand: HandModel, actions: Iterable[Action]) -> str:
                 else 0.0
             )
             if swept > hand.tip_rotation_limit + ROUNDING:
-                return describe_rotation(hand, roll.finger, swept)
-    return ""
+                return refuse_sweep(hand, roll.finger, swept)
+    return None
 
 
-def describe_rotation(hand: HandModel, finger: int, swept: float) -> str:
-    """Return in words that a tip would go round too far."""
+def refuse_sweep(hand: HandModel, finger: int, swept: float) -> Refusal:
+    """Return the refusal because a tip would go round by ``swept`` [rad], which is too far."""
     far, limit = spell_apart(np.degrees(swept), np.degrees(hand.tip_rotation_limit))
-    return f"{hand.fingers[finger].name} would roll {far} deg round on its tip, and hand.tip_rotation_limit_deg is {limit}"
+    name = hand.fingers[finger].name
+    words = f"{name} would roll {far} deg round on its tip, and hand.tip_rotation_limit_deg is {limit}"
+    return Refusal(RefusalKind.TIP_ROTATION, (name,), swept, hand.tip_rotation_limit, words=words)
 
 
 def _measure_angles(places: Array, about: Array) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from dexplan.planning.rolling.roll_to_goal import measure_angle
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.refusal import Refusal
 from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, lock_arrays
 
@@ -35,13 +36,13 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """The answer of a search: the moves, or what stopped it nearest to the goal in ``reason``; ``opened`` counts nodes.
+    """The answer of a search: the moves, or in ``refusal`` what stopped it nearest to the goal; ``opened`` counts nodes.
 
     ``is_exhausted``: there is no move left that it could try.
     """
 
     moves: tuple[Move, ...] | None
-    reason: str
+    refusal: Refusal | None = None
     opened: int = 0
     is_exhausted: bool = False
 

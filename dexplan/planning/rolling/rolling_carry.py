@@ -19,6 +19,7 @@ from dexplan.plans.actions import MoveObject
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.phases import PlannedPhase, demand_touch
+from dexplan.plans.refusal import Refusal
 from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, rotate_about
 
@@ -28,11 +29,11 @@ STEP = float(np.radians(1.0))
 
 @dataclass(frozen=True, eq=False)
 class RollingTurn:
-    """A turn of the object on rolling contacts: as far as it goes, and what ends it (``limit`` is "" at the wanted angle)."""
+    """A turn of the object on rolling contacts: as far as it goes, and what ends it (``limit`` is None at the wanted angle)."""
 
     action: MoveObject | None
     angle: float
-    limit: str
+    limit: Refusal | None
     limiting_finger: int | None
     margins: dict[str, float] = field(default_factory=dict)
 
@@ -83,7 +84,8 @@ def plan_rolling_turn(
     turned[:, :3, :3] = rotate_about(axis_W, np.linspace(0.0, angle, count)) @ X_WO[:3, :3]
     held = [c for c in contacts if c is not None]
     rolls = [build_carry_roll(hand, c, axis_O, angle, share, count) for c in held]
-    ways, limit, finger, last = {}, "", None, count - 1
+    ways, finger, last = {}, None, count - 1
+    limit: Refusal | None = None
     for placement, roll in zip(held, rolls, strict=True):
         q, refusal = follow_roll(hand, turned, roll, placement.q)
         ways[placement.finger] = q
@@ -114,7 +116,7 @@ def plan_rolling_turn(
         phases=(PlannedPhase("move", demand_touch(contacts)),),
         why=f"{names} roll on the object while it turns" + (f", until {limit}" if limit else ""),
         limiting_finger=finger,
-        limit=limit or None,
+        limit=None if limit is None else str(limit),
         margins=worst(rows),
         rolls=tuple(cut),
     )

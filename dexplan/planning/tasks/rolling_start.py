@@ -24,6 +24,7 @@ from dexplan.plans.actions import Action
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import rest_at
 from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.spatial import VERTICAL
 
 OPTIONS = 8
@@ -32,7 +33,7 @@ PAIR_OPTIONS = 4
 """Ways to roll a pair that are tried."""
 LIFTS = 2
 """Pairs of three fingers that hold alone, and are rolled after the third was lifted."""
-STUCK = ("no_admissible_pair", "no_gait", "budget_exhausted")
+STUCK = (Status.NO_ADMISSIBLE_PAIR, Status.NO_GAIT, Status.BUDGET_EXHAUSTED)
 """Answers after which rolling may help."""
 
 
@@ -66,8 +67,10 @@ def plan_object_manipulation(
     if not refused and not is_cut:
         return replace(plan, reason=f"{plan.reason}; {beginnings.explain()}")
     # Where a search was cut short there may be a gait after all: its words go first, and its status is the plan's.
-    telling = next((r for r in refused if r.status == "budget_exhausted"), refused[0] if refused else plan)
-    status = "budget_exhausted" if is_cut or telling.status == "budget_exhausted" else plan.status
+    telling = next(
+        (r for r in refused if r.status is Status.BUDGET_EXHAUSTED), refused[0] if refused else plan
+    )
+    status = Status.BUDGET_EXHAUSTED if is_cut or telling.status is Status.BUDGET_EXHAUSTED else plan.status
     tried = f"{len(refused)} ways tried" if len(refused) > 1 else "one way tried"
     found = (
         f"after rolling ({tried}): {telling.status}: {telling.reason}" if refused else "rolling comes first"
@@ -136,12 +139,12 @@ class _FromThree(_Beginnings):
                 yield Beginning((*lift.actions, roll), turned.contacts)
 
     def explain(self) -> str:
-        return f"rolling cannot make one: {self._rolls.explain()}"
+        return f"rolling cannot make one: {'; '.join(map(str, self._rolls.explain()))}"
 
     def _build_actions(self, option: RollPlan) -> tuple[Action, ...]:
         """Return the roll and the lift; nothing rolls where a pair holds alone as it stands and lifting is all that helps."""
         roll, lift = build_roll_actions(option, self.hand, self.goal.X_WO_start, self.goal.axis_W)
-        if self.plan.status != "no_admissible_pair":
+        if self.plan.status is not Status.NO_ADMISSIBLE_PAIR:
             roll = replace(
                 roll, why="no gait was found from the start contacts; rolled, they make a grasp with one"
             )
