@@ -72,7 +72,7 @@ ROOMS = {
         MATH,
     ),
     "planning.tasks": _see(f"{KNOWN} planning", MATH),
-    "control": _see(f"{KNOWN} planning.actions", f"{MATH} mujoco mink daqp"),
+    "control": _see(KNOWN, f"{MATH} mujoco mink daqp"),
     # storey 4
     "sim": _see(GROUND, f"{MATH} mujoco"),
     "sim.record": _see(f"{KNOWN} control sim", f"{MATH} mujoco"),

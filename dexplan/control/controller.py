@@ -20,11 +20,12 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.contact.surfaces.sphere import require_sphere
 from dexplan.control.observation import Observation
 from dexplan.control.options import ControlOptions
-from dexplan.control.reference import Phase, Reference, smooth_step
+from dexplan.control.reference import Phase, Reference
 from dexplan.control.rolling import RollOffset
 from dexplan.control.tasks import FingertipTask, JointLimit
 from dexplan.grasp.force.solver import EXCHANGES, GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
+from dexplan.plans.pace import smooth_step
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY, Array, cross, invert_pose, rotation_matrix, rotation_vector
 
@@ -169,7 +170,7 @@ class Controller:
             if phase.ends_on_touch:
                 assert phase.finger is not None
                 over = bool(observation.touching[phase.finger])
-                if t > phase.duration + self._reference.timing.touch_timeout:
+                if t > phase.duration + self._reference.touchdown.timeout:
                     failure = f"{self._scene.fingers[phase.finger].name} found no object where it should have touched"
             else:
                 over = t > phase.duration - 0.5 * self._tick
@@ -274,7 +275,7 @@ class Controller:
         assert phase.finger is not None
         if self._path is not None:
             return self._scene.fingers[phase.finger].pose_at(self._path(phase.travelled(t)))
-        gap = phase.sample_gap(t, self._reference.timing.touch_speed)
+        gap = phase.sample_gap(t, self._reference.touchdown.speed)
         X_OF = (self._X_OF_start if phase.X_OF is None else phase.X_OF).copy()
         assert phase.normal_O is not None
         X_OF[:3, 3] += gap * phase.normal_O
