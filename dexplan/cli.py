@@ -27,6 +27,7 @@ from dexplan.terminal import (
     make_printable,
     prepare_environment,
 )
+from dexplan.testing.scene_run import SceneRun
 from dexplan.usage import UsageError, check_usage
 
 BAD_INPUT, DEFECT, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
@@ -41,6 +42,7 @@ _Sets = Annotated[
     tyro.conf.arg(name="set", metavar="KEY=VALUE", help_behavior_hint=""),
 ]
 _Out = Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: runs/NAME)")]
+_Text = Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: none)")]
 _Seed = Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: the problem's)")]
 
 
@@ -129,6 +131,69 @@ class Render:
         return commands.render(self.folder)
 
 
+@dataclass(frozen=True)
+class Doctor:
+    """Why does it slip? Judge the contacts of any MuJoCo scene; without a scene, check this machine."""
+
+    scene: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")] = None
+    """An MJCF file, or an .mjb of it."""
+    state: _Text = None
+    """The keyframe to start from."""
+    ctrl: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: held)")] = None
+    """Controls: an .npz with ctrl (T, nu), or an .npy of it."""
+    object: _Text = None
+    """The body or geom that is held."""
+    tips: _Text = None
+    """The bodies or geoms that hold it, with commas between."""
+    seconds: Annotated[float, tyro.conf.arg(metavar="S")] = 2.0
+    """How long controls are held where no file has them."""
+    trying: Annotated[bool, tyro.conf.arg(name="try")] = False
+    """Also run the scene under each setting that may cure it, and show before and after."""
+
+    def run(self) -> int:
+        """Do it; return the exit code."""
+        given = self.state, self.ctrl, self.object, self.tips
+        if self.scene is None:
+            return commands.check_machine(is_bare=not self.trying and all(value is None for value in given))
+        run = SceneRun(self.scene, self.state, self.ctrl, self.object, _split(self.tips), self.seconds)
+        return commands.doctor(run, self.trying)
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Record how contacts behave, or check it against what was recorded: of a run folder or of any MuJoCo scene."""
+
+    action: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ACTION")]
+    """record or check"""
+    source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
+    """A folder written by `dexplan run`, or an MJCF file."""
+    baselines: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("contact_baselines")
+    """Folder of the baselines."""
+    name: _Text = None
+    """Name of the baseline."""
+    state: _Text = None
+    """The keyframe to start from."""
+    ctrl: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: held)")] = None
+    """Controls: an .npz with ctrl (T, nu), or an .npy of it."""
+    object: _Text = None
+    """The body or geom that is held."""
+    tips: _Text = None
+    """The bodies or geoms that hold it, with commas between."""
+    seconds: Annotated[float, tyro.conf.arg(metavar="S")] = 2.0
+    """How long controls are held where no file has them."""
+    junit: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: none)")] = None
+    """Also write the outcome as a JUnit report."""
+
+    def run(self) -> int:
+        """Do it; return the exit code."""
+        run = SceneRun(self.source, self.state, self.ctrl, self.object, _split(self.tips), self.seconds)
+        return commands.stability(self.action, run, self.baselines, self.name, self.junit)
+
+
+def _split(names: str | None) -> tuple[str, ...]:
+    return tuple(name.strip() for name in names.split(",") if name.strip()) if names else ()
+
+
 COMMANDS = {
     "list": List,
     "inspect": Inspect,
@@ -136,6 +201,8 @@ COMMANDS = {
     "run": Run,
     "validate": Validate,
     "render": Render,
+    "doctor": Doctor,
+    "stability": Stability,
 }
 
 Command = (
@@ -145,6 +212,8 @@ Command = (
     | Annotated[Run, tyro.conf.subcommand(name="run")]
     | Annotated[Validate, tyro.conf.subcommand(name="validate")]
     | Annotated[Render, tyro.conf.subcommand(name="render")]
+    | Annotated[Doctor, tyro.conf.subcommand(name="doctor")]
+    | Annotated[Stability, tyro.conf.subcommand(name="stability")]
 )
 
 
@@ -206,7 +275,7 @@ def _run(argv: list[str]) -> int:
     return 0 if command is None else int(command.run())
 
 
-def _parse(argv: list[str]) -> List | Inspect | Plan | Run | Validate | Render | None:
+def _parse(argv: list[str]) -> List | Inspect | Plan | Run | Validate | Render | Doctor | Stability | None:
     """Return the command in ``argv``, None when help was asked for and given.
 
     What can be wrong is looked for first, for tyro draws its complaints in a box that suggests other commands' options.

@@ -16,13 +16,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dexplan import run_folder
-from dexplan.errors import DexplanError, OutputError, ProblemError, RenderError, RunFolderError
+from dexplan.errors import (
+    DexplanError,
+    OutputError,
+    ProblemError,
+    RenderError,
+    RunFolderError,
+    UnknownNameError,
+)
 from dexplan.terminal import describe_refusal
 
 if TYPE_CHECKING:
     from dexplan.problems.problem import Problem
     from dexplan.sim.judge.validate import ValidationReport
     from dexplan.sim.trace import Trace
+    from dexplan.testing.scene_run import SceneRun
 
 CONFIRMED, HONEST_NO = 0, 1
 """Exit codes of a command that did its work: the physics confirms the plan, or there is a reason why not."""
@@ -156,6 +164,47 @@ def render(folder: Path) -> int:
     if code == CONFIRMED:
         print(folder / "video.mp4")
     return code
+
+
+def check_machine(is_bare: bool) -> int:
+    """Say in one line each whether this machine has what dexplan needs; ``is_bare``: no option of a scene was given."""
+    if not is_bare:
+        raise ProblemError("doctor", "", "SCENE is missing", "accepted: dexplan doctor SCENE, an MJCF file")
+    from platformdirs import user_cache_dir
+
+    from dexplan.testing.environment import check_environment
+
+    cache = Path(os.environ.get("DEXPLAN_CACHE") or user_cache_dir("dexplan"))
+    findings = check_environment(cache, Path.cwd())
+    for finding in findings:
+        print(finding)
+    return CONFIRMED if all(finding.is_well for finding in findings) else HONEST_NO
+
+
+def doctor(run: SceneRun, with_trials: bool) -> int:
+    """Run any MuJoCo scene, say what became of its contacts and why; the last line is the verdict."""
+    from dexplan.testing.doctor import diagnose
+
+    diagnosis = diagnose(run, with_trials=with_trials)
+    print(diagnosis)
+    return CONFIRMED if diagnosis.is_well else HONEST_NO
+
+
+def stability(action: str, run: SceneRun, folder: Path, name: str | None, junit: Path | None) -> int:
+    """Record how contacts behave, or check it; the last line is the verdict."""
+    if action not in {"record", "check"}:
+        raise UnknownNameError("action", action, ["record", "check"])
+    from dexplan.testing import stability as contacts
+
+    if action == "record":
+        print(contacts.record(run, name, folder))
+        return CONFIRMED
+    checked = contacts.check(run, name, folder)
+    print(checked.table())
+    if junit is not None:
+        checked.save_junit(junit)
+    print(f"{'PASS' if checked.is_passed else 'FAIL'} {checked.name}")
+    return CONFIRMED if checked.is_passed else HONEST_NO
 
 
 def _read(name: str, assignments: Sequence[str], seed: int | None = None) -> tuple[Problem, Path | None]:

@@ -48,6 +48,13 @@ class RunFolderError(DexplanError):
         super().__init__(f"{path}: {fact}; {accepted}")
 
 
+class SceneError(DexplanError):
+    """A MuJoCo scene, a state or controls that cannot be measured: names the file or argument, and what would be accepted."""
+
+    def __init__(self, source: str, fact: str, accepted: str) -> None:
+        super().__init__(f"{source}: {' '.join(fact.split())}; {accepted}")
+
+
 class OutputError(DexplanError):
     """The operating system does not let the output be written: a full disk, a missing right."""
 

@@ -32,7 +32,12 @@ MOVED: Mapping[str, tuple[str, ...]] = {
     "dexplan.planning.goal": ("dexplan.plans.goal", "dexplan.planning.gait.routes"),
     "dexplan.planning.hand": ("dexplan.planning.admissible.hand",),
     "dexplan.planning.overlap": ("dexplan.planning.actions.overlap",),
-    "dexplan.planning.plan": ("dexplan.plans.plan",),
+    "dexplan.planning.plan": (
+        "dexplan.plans.contacts",
+        "dexplan.plans.phases",
+        "dexplan.plans.actions",
+        "dexplan.plans.plan",
+    ),
     "dexplan.planning.planner": ("dexplan.planning.tasks.object_manipulation",),
     "dexplan.planning.roll_gait": ("dexplan.planning.rolling.roll_gait",),
     "dexplan.planning.rolling_carry": ("dexplan.planning.rolling.rolling_carry",),

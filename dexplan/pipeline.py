@@ -13,15 +13,15 @@ import numpy as np
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.options import ControlOptions, compute_torque_fraction
 from dexplan.control.rate import choose_rate
-from dexplan.control.reference import Timing, build_reference
-from dexplan.control.speed import compute_speed
+from dexplan.control.reference import build_reference
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.kinematics.workspace import load_workspace
+from dexplan.planning.actions import schedule
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.limits import AdmissibleLimits
 from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.planning.gait.cost import CostWeights, Improvement
-from dexplan.planning.tasks.blocked import explain_obstruction
+from dexplan.planning.tasks.blocked import find_obstruction
 from dexplan.planning.tasks.dextrous_manipulation import plan_dextrous_manipulation
 from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
@@ -30,6 +30,8 @@ from dexplan.planning.tasks.rolling_start import plan_object_manipulation
 from dexplan.plans.forces import NormalForces
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
+from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.run_folder import save_problem, write_whole
@@ -78,7 +80,7 @@ def build_hand(problem: Problem, scene: Scene) -> HandModel:
         probe=HandProbe(scene),
         limits=build_limits(problem, squeeze),
         normal_force=squeeze.normal,
-        hover=timing.hover,
+        hover=timing.touchdown.hover,
         acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
         tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
         tip_rotation_limit=float(np.radians(problem.hand.tip_rotation_limit_deg)),
@@ -140,10 +142,15 @@ def build_improvement(problem: Problem) -> Improvement:
 def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
-    found = _find_plan(problem, scene, build_hand(problem, scene))
-    if not found.actions:
-        return found
-    return replace(found, speed=compute_speed(build_reference(found, scene.fingers, build_timing(problem))))
+    return time_plan(problem, _find_plan(problem, scene, build_hand(problem, scene)))
+
+
+def time_plan(problem: Problem, plan: Plan, timing: Timing | None = None) -> Plan:
+    """Return ``plan`` with the arcs of its fingers and all durations written in, so that it can be run.
+
+    Plans come timed from :func:`plan`; one that was put together by hand has to be timed.  ``timing`` replaces the problem's.
+    """
+    return schedule.time_plan(plan, build_scene(problem).fingers, timing or build_timing(problem))
 
 
 def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
@@ -159,13 +166,15 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
         )
     else:
         goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
-    if reason := build_squeeze(problem, scene).refusal:
-        return replace(refuse(hand, goal, "object_too_light", reason), goal_kind=asked.kind)
+    if refusal := build_squeeze(problem, scene).refusal:
+        reason = f"{refusal}; {refusal.cure}"
+        plan = refuse(hand, goal, Status.OBJECT_TOO_LIGHT, reason, refusal)
+        return replace(plan, goal_kind=asked.kind)
     contacts = problem.start.contacts_deg
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
     waiting = None if start is None else tuple(f for f, normal in enumerate(start) if normal is None)
-    if reason := explain_obstruction(hand, waiting):
-        return replace(refuse(hand, goal, "blocked", reason), goal_kind=asked.kind)
+    if no := find_obstruction(hand, waiting):
+        return replace(refuse(hand, goal, no.status, no.reason, no.refusal), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
@@ -184,7 +193,7 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
         wanted,
         *means,
         order=asked.order,
-        compute_duration=lambda found: build_reference(found, scene.fingers, timing).duration,
+        compute_duration=lambda found: schedule.time_plan(found, scene.fingers, timing).duration,
         improvement=build_improvement(problem),
     )
 
@@ -204,14 +213,19 @@ def rollout(
     An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
 
     ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
-    and controller believe (uncertainty).  Raises DexplanError for a plan without actions.
+    and controller believe (uncertainty).  Raises DexplanError for a plan without actions, or without durations.
     """
     if not plan.actions:
         raise DexplanError(
             f"the plan has no actions to run ({plan.status}: {plan.reason}); a solved plan is accepted"
         )
+    if not plan.is_timed:
+        raise DexplanError(
+            "the plan does not say how fingers travel and how long its actions take, as plan.json of format 1 did not; "
+            "plan again: `dexplan plan` and `dexplan run` write format 2"
+        )
     scene = build_scene(problem)
-    reference = build_reference(plan, scene.fingers, build_timing(problem))
+    reference = build_reference(plan)
     return _rollout.rollout(
         scene,
         reference,

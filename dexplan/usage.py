@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -17,6 +17,13 @@ import tyro
 
 from dexplan.errors import DexplanError
 
+WORDS = {
+    "PROBLEM": "a built-in name of `dexplan list` or a .toml file",
+    "DIR": "a folder written by `dexplan run`",
+    "ACTION": "record or check",
+    "SOURCE": "a folder written by `dexplan run`, or an MJCF file",
+}
+"""What each positional word stands for, told where it is missing."""
 NEGATIVE_NUMBER = re.compile(r"-\.?\d.*")
 
 
@@ -36,10 +43,14 @@ class Option:
 
 @dataclass(frozen=True)
 class Usage:
-    """What one command accepts: the words that stand for its positional arguments, and its options by their spelling."""
+    """What one command accepts: the words that stand for its positional arguments, and its options by their spelling.
+
+    The first ``needed`` words have to be given.
+    """
 
     words: tuple[str, ...]
     options: Mapping[str, Option]
+    needed: int
 
     def describe(self) -> str:
         """Return the options as they are written."""
@@ -82,22 +93,23 @@ def check_usage(argv: Sequence[str], commands: Mapping[str, type]) -> None:
 def read_usage(command: type) -> Usage:
     """Return what a command accepts, from its dataclass."""
     hints = get_type_hints(command, include_extras=True)
-    words, options = [], {}
+    words, options, needed = [], {}, 0
     for field in fields(command):
         hint, marks = hints[field.name], get_args(hints[field.name])[1:]
         arg = next((m for m in marks if hasattr(m, "metavar") and hasattr(m, "name")), None)
         metavar = (arg.metavar if arg else None) or field.name.upper()
         if tyro.conf.Positional in _find_markers(hint):
             words.append(metavar)
+            needed += field.default is MISSING
             continue
         name = (arg.name if arg else None) or field.name.replace("_", "-")
-        if hint is bool:
+        if bool in (hint, *get_args(hint)[:1]):
             options[f"--{name}"] = Option(name, None, False, False)
             options[f"--no-{name}"] = Option(name, None, False, False)
         else:
             inner = {part for part in _flatten(hint) if isinstance(part, type)}
             options[f"--{name}"] = Option(name, metavar, int in inner, Path in inner)
-    return Usage(tuple(words), options)
+    return Usage(tuple(words), options, needed)
 
 
 def _find_markers(hint: Any) -> list[Any]:
@@ -154,19 +166,15 @@ def _check_value(spelling: str, option: Option, value: str) -> None:
 
 def _check_count(command: str, usage: Usage, given: Sequence[str]) -> None:
     see = f"(see dexplan {command} --help)"
-    if len(given) < len(usage.words):
+    if len(given) < usage.needed:
         word = usage.words[len(given)]
-        cure = (
-            "a built-in name of `dexplan list` or a .toml file"
-            if word == "PROBLEM"
-            else "a folder written by `dexplan run`"
-        )
+        cure = WORDS[word]
         raise UsageError(f"{word} is missing; accepted: dexplan {command} {word}, {cure} {see}")
     if len(given) > len(usage.words):
         extra = given[len(usage.words)]
         hint = "; each KEY=VALUE needs its own --set" if "=" in extra and "--set" in usage.options else ""
         words = " ".join(("dexplan", command, *usage.words))
         raise UsageError(f"{extra!r} is one argument too many{hint}; accepted: {words} {see}")
-    for word, text in zip(usage.words, given, strict=True):
+    for word, text in zip(usage.words, given, strict=False):
         if not text.strip() or "\0" in text:
             raise UsageError(f"{text!r} is no {word} {see}")

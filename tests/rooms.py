@@ -31,8 +31,8 @@ def _see(names: str, third_party: str = "") -> Room:
 GROUND = "errors spatial brief icosphere moved"
 MATH = "numpy scipy"
 ALL = (
-    f"{GROUND} contact grasp kinematics plans scene planning control sim models viz witness problems cli commands pipeline "
-    "run_folder terminal usage __init__"
+    f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz witness problems cli commands "
+    "pipeline run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plans scene"
 ROOMS = {
@@ -72,11 +72,12 @@ ROOMS = {
         MATH,
     ),
     "planning.tasks": _see(f"{KNOWN} planning", MATH),
-    "control": _see(f"{KNOWN} planning.actions", f"{MATH} mujoco mink daqp"),
+    "control": _see(KNOWN, f"{MATH} mujoco mink daqp"),
     # storey 4
     "sim": _see(GROUND, f"{MATH} mujoco"),
     "sim.record": _see(f"{KNOWN} control sim", f"{MATH} mujoco"),
     "sim.judge": _see(f"{GROUND} sim", f"{MATH} mujoco osqp"),
+    "testing": _see(f"{GROUND} sim.judge", f"{MATH} mujoco pytest"),
     # storey 5
     "viz": _see(ALL, f"{MATH} mujoco matplotlib mpl_toolkits jinja2 imageio_ffmpeg viser tqdm"),
     "witness": _see(ALL, f"{MATH} mujoco matplotlib tqdm clarabel"),
@@ -85,7 +86,7 @@ ROOMS = {
     "terminal": _see(GROUND),
     "usage": _see(GROUND, "tyro"),
     "cli": _see(ALL, "tyro"),
-    "commands": _see(ALL, "tqdm"),
+    "commands": _see(ALL, "tqdm platformdirs"),
     "pipeline": _see(ALL, f"{MATH} mujoco tqdm platformdirs"),
     "__init__": _see(ALL),
     "__main__": _see("cli"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import doctest
 import importlib
+import inspect
 import pydoc
 from pathlib import Path
 
@@ -13,6 +14,9 @@ from rooms import ROOMS
 
 PACKAGE = Path(__file__).resolve().parents[1] / "dexplan"
 DOORS = sorted(path for path in PACKAGE.rglob("__init__.py") if path.parent != PACKAGE)
+FOR_USERS = {"testing"}
+"""Rooms whose door lists the names that users import, loaded when they are first used, as those of ``dexplan`` itself are."""
+LISTS = [path for path in DOORS if path.parent.name not in FOR_USERS]
 LONGEST_SENTENCE = 130
 
 
@@ -37,7 +41,19 @@ def test_every_room_has_a_door() -> None:
     assert {_dotted(path).removeprefix("dexplan.") for path in DOORS} == rooms
 
 
-@pytest.mark.parametrize("path", DOORS, ids=_dotted)
+@pytest.mark.parametrize("room", sorted(FOR_USERS))
+def test_names_for_users_are_there(room: str) -> None:
+    module = importlib.import_module(f"dexplan.{room}")
+    assert module.__all__ == sorted(set(module.__all__)) == dir(module)
+    for name in module.__all__:
+        value = getattr(module, name)
+        assert (value if inspect.ismodule(value) else inspect.getmodule(value)).__name__.startswith(
+            f"dexplan.{room}."
+        )
+    assert len((module.__doc__ or "").splitlines()[0]) <= LONGEST_SENTENCE
+
+
+@pytest.mark.parametrize("path", LISTS, ids=_dotted)
 def test_a_door_says_what_is_behind_it(path: Path) -> None:
     text, names = _read(path)
     sentence = text.splitlines()[0]

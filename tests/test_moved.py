@@ -7,6 +7,8 @@ import sys
 import warnings
 from importlib import import_module
 from pathlib import Path
+from types import UnionType
+from typing import get_args
 
 import pytest
 
@@ -73,6 +75,7 @@ def test_documented_names_warn(name: str) -> None:
         DeprecationWarning, match=rf"{module}\.{symbol} is dexplan\..*\.{symbol} since dexplan 0\.2\.0"
     ):
         found = getattr(import_module(module), symbol)
+    found = get_args(found)[0] if isinstance(found, UnionType) else found
     assert found.__module__.startswith("dexplan.")
     assert found.__module__ != module
 

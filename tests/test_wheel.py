@@ -51,6 +51,8 @@ def test_the_wheel_holds_what_the_package_reads(wheel: Path) -> None:
         wanted |= {file.relative_to(ROOT).as_posix() for file in (ROOT / "dexplan").rglob(pattern)}
     assert wanted <= there
     assert not [name for name in there if name.startswith(("tests/", "scripts/"))]
+    (points,) = (name for name in there if name.endswith("entry_points.txt"))
+    assert "[pytest11]\ndexplan = dexplan.testing.plugin" in zipfile.ZipFile(wheel).read(points).decode()
 
 
 def test_an_installed_wheel_holds_the_ball(wheel: Path, tmp_path: Path) -> None:

@@ -6,14 +6,18 @@
 ``observation``  ``Observation``: all that the controller may know, as a real robot would
 ``options``      ``ControlOptions``: what the controller believes and how it is tuned
 ``rate``         how often it has to be asked
-``speed``        how fast the object turns, and what keeps it from turning faster
 ===============  =====================================================================================
 
-The quintic along which everything moves starts and ends at rest:
+A plan has all ways and times; the reference has nothing to compute but curves through them:
 
->>> from dexplan.control.reference import smooth_step
->>> [float(smooth_step(s)) for s in (0.0, 0.5, 1.0)]
-[0.0, 0.5, 1.0]
+>>> import numpy as np
+>>> from dexplan.control.reference import ObjectPath
+>>> from dexplan.plans.motion import ObjectMotion
+>>> from dexplan.plans.pace import Pace
+>>> shift = ObjectMotion(np.eye(4), np.array([0.0, 0.0, 1.0]), 0.0, np.array([0.0, 0.0, 0.02]))
+>>> path = ObjectPath(shift, Pace(duration=1.0, ramp=0.3, limit="shift_speed"))
+>>> [round(float(path.sample(t)[0][2, 3]), 9) for t in (0.0, 0.5, 1.0)]
+[0.0, 0.01, 0.02]
 """
 
-__all__ = ["controller", "observation", "options", "rate", "reference", "speed"]
+__all__ = ["controller", "observation", "options", "rate", "reference"]

@@ -48,8 +48,8 @@ class _Moment(NamedTuple):
 
 
 def _look_at(path: ObjectPath, t: float) -> _Moment:
-    if path.angle == 0.0 and not path.shift_W.any():
-        return _Moment(path, t, path.X_WO_start, _STILL)
+    if path.motion.is_still:
+        return _Moment(path, t, path.motion.X_WO_start, _STILL)
     X, _, acceleration = path.sample(t)
     return _Moment(path, t, X, acceleration)
 
@@ -154,7 +154,7 @@ class Controller:
             if phase.ends_on_touch:
                 assert phase.finger is not None
                 over = bool(observation.touching[phase.finger])
-                if t > phase.duration + self._reference.timing.touch_timeout:
+                if t > phase.duration + self._reference.touchdown.timeout:
                     failure = f"{self._scene.fingers[phase.finger].name} found no object where it should have touched"
             else:
                 over = t > phase.duration - 0.5 * self._tick
@@ -222,7 +222,7 @@ class Controller:
         """Let the poses at which the fingers hold follow the measured ones."""
         share = self._tick / self._options.relaxation
         X_WF, R_WO, p_WO = self._measured.X_WF, observation.X_WO[:3, :3], observation.X_WO[:3, 3]
-        s = phase.object_path.progress(t)[0] if phase.rolls else 1.0
+        s = phase.object_path.progress(t).done if phase.rolls else 1.0
         rolling = [i for i in phase.holding if i in phase.rolls] if s < 1.0 else []
         for i in rolling:
             X_OF = invert_pose(observation.X_WO) @ X_WF[i]
@@ -239,7 +239,7 @@ class Controller:
     def _aim(self, phase: Phase, t: float, time: float, X_WO_aim: Array) -> None:
         """Aim every fingertip for the end of this tick."""
         if phase.rolls:
-            before, s = (phase.object_path.progress(now)[0] for now in (t, t + self._tick))
+            before, s = (phase.object_path.progress(now).done for now in (t, t + self._tick))
             for i in phase.rolls if before < 1.0 else ():
                 self._carried[i] = self._offsets[i].apply(phase.rolls[i], s)
         held = X_WO_aim @ self._carried
@@ -262,7 +262,7 @@ class Controller:
     def _aim_free(self, phase: Phase, t: float, time: float, X_WO: Array) -> Array:
         if self._way is not None:
             return self._way.find_aim(time)
-        gap = phase.sample_gap(t, self._reference.timing.touch_speed)
+        gap = phase.sample_gap(t, self._reference.touchdown.speed)
         X_OF = (self._X_OF_start if phase.X_OF is None else phase.X_OF).copy()
         assert phase.normal_O is not None
         X_OF[:3, 3] += gap * phase.normal_O

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexplan.brief import brief_repr
+from dexplan.plans.motion import ObjectMotion
 from dexplan.spatial import VERTICAL, Array, read_only, rotate_about
 
 
@@ -32,6 +33,11 @@ class RotationGoal:
         object.__setattr__(self, "X_WO_start", read_only(self.X_WO_start))
         object.__setattr__(self, "axis_W", read_only(self.axis_W / np.linalg.norm(self.axis_W)))
         object.__setattr__(self, "shift_W", read_only(self.shift_W))
+
+    @property
+    def motion(self) -> ObjectMotion:
+        """The motion that is asked for; one of many that lead there where only the attitude counts."""
+        return ObjectMotion(self.X_WO_start, self.axis_W, self.angle, self.shift_W)
 
     @property
     def X_WO_goal(self) -> Array:

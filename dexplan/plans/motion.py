@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import VERTICAL, Array, lock_arrays, rotate_about
+from dexplan.spatial import VERTICAL, Array, lock_arrays, read_only, rotate_about
 
 STEP = float(np.radians(2.0))
 """Spacing of stations of a turn, and of the samples at which it is checked [rad]."""
@@ -19,7 +20,9 @@ SHIFT_STEP = 1.5e-3
 
 @dataclass(frozen=True, eq=False)
 class ObjectMotion:
-    """A turn of the object by ``angle`` [rad] about the unit world axis ``axis_W`` (3,) with a straight ``shift_W`` (3,) [m]."""
+    """A turn of the object by ``angle`` [rad] about the unit world axis ``axis_W`` (3,) through its origin, with a straight
+    ``shift_W`` (3,) [m], from the pose ``X_WO_start`` (4, 4).  Angles beyond a turn mean more turns.
+    """
 
     X_WO_start: Array
     axis_W: Array
@@ -30,6 +33,11 @@ class ObjectMotion:
 
     def __post_init__(self) -> None:
         lock_arrays(self)
+
+    @classmethod
+    def between(cls, X_WO_start: Array, X_WO_end: Array, axis_W: Array, angle: float) -> ObjectMotion:
+        """Return the turn by ``angle`` [rad] about ``axis_W`` (3,) that shifts the centre as from one pose to the other."""
+        return cls(X_WO_start, axis_W, angle, X_WO_end[:3, 3] - X_WO_start[:3, 3])
 
     @property
     def is_still(self) -> bool:
@@ -47,11 +55,10 @@ class ObjectMotion:
         X[:, :3, 3] += share[:, None] * self.shift_W
         return X
 
-    @property
+    @cached_property
     def X_WO_end(self) -> Array:
         """The pose (4, 4) at the end."""
-        X: Array = self.poses(2)[-1]
-        return X
+        return read_only(self.poses(2)[-1])
 
     def part(self, first: float, last: float) -> ObjectMotion:
         """Return the motion between two shares of its progress."""
@@ -59,6 +66,6 @@ class ObjectMotion:
         return ObjectMotion(start, self.axis_W, (last - first) * self.angle, (last - first) * self.shift_W)
 
 
-def rest_at(X_WO: Array) -> ObjectMotion:
-    """Return no motion, at ``X_WO`` (4, 4)."""
-    return ObjectMotion(X_WO, VERTICAL, 0.0, np.zeros(3))
+def rest_at(X_WO: Array, axis_W: Array = VERTICAL) -> ObjectMotion:
+    """Return no motion, at ``X_WO`` (4, 4); ``axis_W`` (3,) is noted, since a motion has an axis."""
+    return ObjectMotion(X_WO, axis_W, 0.0, np.zeros(3))

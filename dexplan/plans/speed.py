@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-PACES = {
-    "drift": "the drift of the contacts that are carried",
-    "object_speed": "control.speed_deg_s",
-    "shift_speed": "the speed at which the object's centre may be shifted",
-    "roll_speed": "the speed at which a fingertip may roll",
-    "travel": "the joint speed of the finger that travels meanwhile",
-    "ramp": "the time that it takes to get up to speed and to rest again",
-}
-"""What may keep a motion of the object from being faster, in words."""
+from dexplan.plans.actions import Action, MoveObject
+from dexplan.plans.pace import PACES
 
 
 @dataclass(frozen=True)
@@ -35,6 +28,20 @@ class PlannedSpeed:
     asked: float
     reached: float
     limits: tuple[SpeedLimit, ...]
+
+    @classmethod
+    def of_actions(cls, actions: Iterable[Action], asked: float) -> PlannedSpeed | None:
+        """Return how fast timed ``actions`` turn the object where ``asked`` [rad/s] was wanted; None where they never do."""
+        speeds: dict[str, list[float]] = {}
+        for action in actions:
+            if isinstance(action, MoveObject) and action.motion.angle != 0.0 and action.pace is not None:
+                fastest = abs(action.motion.angle) * action.pace.greatest_rate
+                speeds.setdefault(action.pace.limit, []).append(fastest)
+        if not speeds:
+            return None
+        slowed = {PACES[name]: found for name, found in speeds.items() if name != "object_speed"}
+        limits = tuple(SpeedLimit(words, min(found), max(found)) for words, found in sorted(slowed.items()))
+        return cls(asked, max(max(found) for found in speeds.values()), limits)
 
     def __str__(self) -> str:
         """Return "limited to ... by ..." for every limit that slows motions down."""

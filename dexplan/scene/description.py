@@ -28,13 +28,15 @@ class Obstacle:
 class Nearness:
     """The two bodies that are nearest to one another, of those that should not touch.
 
-    ``distance`` [m], negative where they overlap, never more than what the probe sees; ``names`` of both; ``owners``: a finger's
-    number, :data:`OBJECT` or :data:`STANDING` for each, and nobody where nothing is near.
+    ``distance`` [m], negative where they overlap, never more than what the probe sees; ``names`` of both in words and one
+    by one as ``bodies``; ``owners``: a finger's number, :data:`OBJECT` or :data:`STANDING` for each, and nobody where nothing is
+    near.
     """
 
     distance: float
     names: str
     owners: tuple[int, ...] = ()
+    bodies: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

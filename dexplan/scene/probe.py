@@ -79,9 +79,7 @@ class HandProbe:
     def find_overlaps(self) -> tuple[Nearness, ...]:
         """Return the bodies that touch or overlap whatever the hand does, the deepest first: no plan can be carried out."""
         found = [(d, pair) for pair, d in self._constant.items() if d <= 0.0]
-        return tuple(
-            Nearness(d, self._name(*pair), tuple(self._owner[g] for g in pair)) for d, pair in sorted(found)
-        )
+        return tuple(self._tell(d, pair) for d, pair in sorted(found))
 
     def compute_clearance(
         self, q: Array, X_WO: Array, touching: tuple[int, ...], absent: tuple[int, ...] = ()
@@ -117,10 +115,11 @@ class HandProbe:
             least, nearest = distance, (a, b)
         if nearest is None:
             return Nearness(SIGHT, "nothing near")
-        return Nearness(least, self._name(*nearest), tuple(owner[g] for g in nearest))
+        return self._tell(least, nearest)
 
-    def _name(self, *geoms: int) -> str:
-        return " and ".join(self._model.geom(g).name for g in geoms)
+    def _tell(self, distance: float, geoms: tuple[int, int]) -> Nearness:
+        bodies = tuple(self._model.geom(g).name for g in geoms)
+        return Nearness(distance, " and ".join(bodies), tuple(self._owner[g] for g in geoms), bodies)
 
     def compute_gravity_torque(self, q: Array) -> Array:
         """Return the joint torques (F, J) [N m] that hold the fingers' own weight at ``q`` (F, J)."""

@@ -90,7 +90,7 @@ def _shade_actions(ax: Axes, plan: Plan, spans: tuple[Span, ...]) -> None:
 def _shade(plan: Plan, span: Span) -> str:
     if not 0 <= span.action_index < len(plan.actions):
         return OTHER_SHADE
-    return ACTION_SHADES.get(plan.actions[span.action_index].kind, OTHER_SHADE)
+    return ACTION_SHADES.get(plan.actions[span.action_index].name, OTHER_SHADE)
 
 
 def _draw_gait(ax: Axes, plan: Plan, rows: tuple[GaitRow, ...], spans: tuple[Span, ...]) -> None:

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from dexplan.errors import RunFolderError
-from dexplan.plans.plan import Action, Plan
+from dexplan.plans.actions import Action, Hold, MoveObject, Relocate, Roll
+from dexplan.plans.plan import Plan
 from dexplan.run_folder import check_replaceable
 from dexplan.sim.trace import Trace
 from dexplan.viz.canvas import SOFTWARE
@@ -59,7 +60,9 @@ def _list_frames(trace: Trace, plan: Plan) -> tuple[Frame, ...]:
     holding = tuple(i for i, c in enumerate(plan.start_contacts) if c is not None)
     frames = [Frame(1, start, "start", holding)]
     for span in build_action_spans(trace):
-        if not 0 <= span.action_index < len(plan.actions) or plan.actions[span.action_index].kind == "hold":
+        if not 0 <= span.action_index < len(plan.actions) or isinstance(
+            plan.actions[span.action_index], Hold
+        ):
             continue
         action = plan.actions[span.action_index]
         inside = np.flatnonzero(trace["action_index"] == span.action_index)
@@ -71,14 +74,15 @@ def _list_frames(trace: Trace, plan: Plan) -> tuple[Frame, ...]:
 
 def describe_step(plan: Plan, action: Action) -> str:
     """Return an action in a few words, for instance ``finger 3 placed`` or ``turned by 84 deg``."""
-    if action.kind == "move_object":
-        return f"turned by {np.degrees(action.angle):.0f}°"
-    if action.finger is not None:
-        done = {"place": "placed", "lift": "lifted", "relocate": "moved"}.get(action.kind, action.kind)
-        return f"{_speak(plan.fingers[action.finger])} {done}"
-    if action.rolls:
-        return " and ".join(_speak(plan.fingers[roll.finger]) for roll in action.rolls) + " rolled"
-    return action.kind
+    match action:
+        case MoveObject():
+            return f"turned by {np.degrees(action.motion.angle):.0f}°"
+        case Relocate():
+            return f"{_speak(plan.fingers[action.finger])} {'placed' if action.is_placing else 'lifted'}"
+        case Roll():
+            return " and ".join(_speak(plan.fingers[roll.finger]) for roll in action.rolls) + " rolled"
+        case Hold():
+            return action.name
 
 
 def draw_frames(

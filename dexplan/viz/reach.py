@@ -17,6 +17,7 @@ from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.regions.regions import Regions, compute_regions
+from dexplan.plans.refusal import RefusalCount
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 
 STATION_DEG = 6.0
@@ -108,13 +109,13 @@ def _compute_pair(
     rows = rows[np.argsort(angles[tuple(rows.T)], kind="stable")]
     if len(rows) > PLACEMENTS:
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, PLACEMENTS).round().astype(int))]
-    margins, refusals = [], dict[str, int]()
+    margins, refusals = [], RefusalCount()
     for a, b in rows:
         q = hand.q_home.copy()
         q[pair[0]], q[pair[1]] = q_i[a], q_j[b]
         margins.append(m := judge.compute_margins(q, hand.object.X_WO_home, pair))
-        if not m.is_admissible:
-            refusals[m.refusal] = refusals.get(m.refusal, 0) + 1
+        if m.refusal is not None:
+            refusals.add(m.refusal)
     load, torque = np.array([(m.load, m.torque) for m in margins]).reshape(-1, 2).T
     return PairLoads(
         fingers=pair,
@@ -122,5 +123,5 @@ def _compute_pair(
         load=np.where(np.isfinite(load), load, np.nan),
         torque=np.where(np.isfinite(torque), torque, np.nan),
         is_admissible=np.array([m.is_admissible for m in margins], dtype=bool),
-        refusals=refusals,
+        refusals={str(r.without_numbers): count for r, count in refusals.counts},
     )

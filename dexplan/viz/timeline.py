@@ -16,7 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from dexplan.plans.plan import MAY, MUST, Action, Plan
+from dexplan.plans.actions import Action, MoveObject, Relocate
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.phases import MAY, MUST
+from dexplan.plans.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
 
@@ -86,13 +89,14 @@ def describe_action(plan: Plan, action_index: int, phase_index: int = 0) -> str:
     if not 0 <= action_index < len(plan.actions):
         return ""
     action = plan.actions[action_index]
-    text = f"{action_index + 1}/{len(plan.actions)} {action.kind}"
-    if action.finger is not None:
-        text += f" {plan.fingers[action.finger]}"
+    text = f"{action_index + 1}/{len(plan.actions)} {action.name}"
+    moving = [action.finger] if isinstance(action, Relocate) else [way.finger for way in action.ways]
+    if moving:
+        text += " " + ", ".join(plan.fingers[finger] for finger in moving)
     if action.rolls:
         text += " " + ", ".join(plan.fingers[roll.finger] for roll in action.rolls)
-    if action.kind == "move_object":
-        text += f" {_describe_motion(action)}"
+    if isinstance(action, MoveObject):
+        text += f" {_describe_motion(action.motion)}"
     if len(action.phases) > 1 and 0 <= phase_index < len(action.phases):
         text += f" · {action.phases[phase_index].name}"
     return text
@@ -146,12 +150,12 @@ def compute_turned_angle(pose7: ArrayLike, axis_W: ArrayLike) -> Array:
     return np.unwrap(2.0 * np.arctan2(quat[:, 1:] @ (axis / np.linalg.norm(axis)), quat[:, 0]))
 
 
-def _describe_motion(action: Action) -> str:
-    shift = float(np.linalg.norm(action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3]))
-    angle = f"{np.degrees(action.angle):+.0f}°"
+def _describe_motion(motion: ObjectMotion) -> str:
+    shift = float(np.linalg.norm(motion.shift_W))
+    angle = f"{np.degrees(motion.angle):+.0f}°"
     if shift < 1e-4:
         return angle
-    return f"{shift * 1e3:.0f} mm" if abs(action.angle) < 1e-4 else f"{angle} {shift * 1e3:.0f} mm"
+    return f"{shift * 1e3:.0f} mm" if abs(motion.angle) < 1e-4 else f"{angle} {shift * 1e3:.0f} mm"
 
 
 class _Run(NamedTuple):

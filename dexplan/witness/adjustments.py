@@ -18,6 +18,7 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.sampling import sample_attitude
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.problems.problem import GoalSection, Problem, compute_contact_directions
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.spatial import Array, as_pose7, build_frame
@@ -34,7 +35,7 @@ TRIES = 2000
 """Attitudes drawn before a seed is given up."""
 PLACES = 200
 """Directions drawn for every finger in every attitude."""
-UNFAIR = ("goal_contacts_unreachable", "goal_grasp_inadmissible", "goal_not_allowed")
+UNFAIR = (Status.GOAL_CONTACTS_UNREACHABLE, Status.GOAL_GRASP_INADMISSIBLE, Status.GOAL_NOT_ALLOWED)
 """Statuses that say that the goal grasp cannot be, however one might try to come to it."""
 
 

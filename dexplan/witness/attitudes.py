@@ -55,7 +55,7 @@ class Attempt:
     @property
     def is_fair(self) -> bool:
         """Whether the start is one that the hand can be in and that holds the object: else it is no question to a planner."""
-        return not self.plan.status.startswith("start_")
+        return not self.plan.status.is_about_start
 
 
 def draw_questions(hand: HandModel, count: int, seed: int) -> Iterator[Question]:
@@ -76,7 +76,8 @@ def attempt(problem: Problem, hand: HandModel, question: Question, node_budget: 
 def carry_out(problem: Problem, done: Attempt) -> ValidationReport:
     """Run an attempt's plan in the simulator; return the validator's judgement."""
     posed = done.question.as_problem(problem)
-    return pipeline.validate(posed, done.plan, pipeline.rollout(posed, done.plan))
+    plan = pipeline.time_plan(posed, done.plan)
+    return pipeline.validate(posed, plan, pipeline.rollout(posed, plan))
 
 
 def _as_azimuth_elevation(normal: Array) -> tuple[float, float]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from dexplan import pipeline
 from dexplan.errors import DexplanError
+from dexplan.plans.actions import count_placements
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import build_problem, list_problems, load_problem
 
@@ -108,7 +109,7 @@ def confirm(case: Case) -> dict[str, Any]:
         plan = pipeline.plan(case.problem)
         row |= {"status": str(plan.status), "reason": plan.reason}
         row["planning_s"] = round(time.process_time() - begun, 2)
-        row["placements"] = sum(action.kind == "place" for action in plan.actions)
+        row["placements"] = count_placements(plan.actions)
         if not plan.is_solved or row["placements"] < case.least_placements:
             return row
         begun = time.process_time()

@@ -13,7 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from dexplan import pipeline
+from dexplan.plans.actions import Action, Relocate
+from dexplan.plans.contacts import Contacts
 from dexplan.plans.plan import Plan
+from dexplan.plans.poses import write_pose
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import build_problem, list_problems, load_problem
 from dexplan.witness import adjustments, attitudes
@@ -106,10 +109,62 @@ def fingerprint(question: PlanQuestion) -> dict[str, Any]:
 
 def count_kinds(plan: Plan) -> dict[str, int]:
     """Return how many actions of each kind a plan has."""
-    return dict(sorted(Counter(action.kind for action in plan.actions).items()))
+    return dict(sorted(Counter(action.name for action in plan.actions).items()))
 
 
 def compute_hash(plan: Plan) -> str:
-    """Return the SHA-256 of a plan as JSON, the search's statistics left out: every bit of every number counts."""
-    data = {name: value for name, value in plan.as_dict().items() if name != "statistics"}
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+    """Return the SHA-256 of what is compared, the search's statistics left out: every bit of every number counts."""
+    return hashlib.sha256(json.dumps(as_compared(plan), sort_keys=True).encode()).hexdigest()
+
+
+def as_compared(plan: Plan) -> dict[str, Any]:
+    """Return what of a plan is compared, as data that does not change when the format of ``plan.json`` does.
+
+    It is what a plan file of format 1 held: actions, contacts, detours, margins and the speed that is reached.  Arcs and
+    durations follow from these; they are looked at by the tests of the plan and of the reference.
+    """
+    names = plan.fingers
+    whole = plan.as_dict()
+    goal = whole["goal"]
+    return {
+        "format": 1,
+        **{name: whole[name] for name in ("status", "reason", "fingers", "speed")},
+        **{f"normal_{name}_N": whole[f"normal_{name}_N"] for name in ("force", "floor", "ceiling")},
+        "start": {**whole["start"], "contacts": _compare_contacts(names, plan.start_contacts)},
+        "goal": goal,
+        "actions": [
+            _compare_action(names, action, written)
+            for action, written in zip(plan.actions, whole["actions"], strict=True)
+        ],
+    }
+
+
+def _compare_action(names: tuple[str, ...], action: Action, written: dict[str, Any]) -> dict[str, Any]:
+    """Return what of an action is compared; ``written`` is the action in the plan file."""
+    same = ("index", "kind", "grasping", "limiting_finger", "limit", "why", "rotation", "margins")
+    finger = action.finger if isinstance(action, Relocate) else next((w.finger for w in action.ways), None)
+    detour = next((way for way in action.ways if way.is_detour), None)
+    return {
+        **{name: written[name] for name in same},
+        "finger": None if finger is None else names[finger],
+        "object_pose_start": write_pose(action.X_WO_start),
+        "object_pose_end": write_pose(action.X_WO_end),
+        "contacts_end": _compare_contacts(names, action.contacts_end),
+        "rolls": written.get("rolls", []),
+        **({} if detour is None else {"way": detour.postures.tolist()}),
+        "phases": [{"name": p["name"], "touch": p["touch"]} for p in written["phases"]],
+    }
+
+
+def _compare_contacts(names: tuple[str, ...], contacts: Contacts) -> dict[str, Any]:
+    return {
+        name: None
+        if c is None
+        else {
+            "point_O": c.point_O.tolist(),
+            "normal_O": c.normal_O.tolist(),
+            "X_OF": c.X_OF.tolist(),
+            "q": c.q.tolist(),
+        }
+        for name, c in zip(names, contacts, strict=True)
+    }

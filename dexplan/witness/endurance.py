@@ -21,6 +21,7 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.sampling import sample_attitude
 from dexplan.planning.tasks.object_manipulation import Start
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
+from dexplan.plans.actions import count_placements
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan
 from dexplan.problems.problem import GoalSection, Problem, compute_contact_directions
@@ -174,12 +175,12 @@ def plan_chain(problem: Problem, choose: ChooseGoal, count: int, tick: Tick = la
             reason = f"goal {len(goals) + 1}: {plan.status}: {plan.reason}"
             break
         joined = plan if joined is None else join_plans(joined, plan)
-        placed = sum(action.kind == "place" for action in plan.actions)
+        placed = count_placements(plan.actions)
         goals.append(PlannedGoal(abs(float(np.degrees(goal.angle))), placed, spent, len(joined.actions) - 1))
         last = plan.actions[-1]
         X_WO, start = last.X_WO_end, last.contacts_end
         tick()
-    return Chain(plan if joined is None else joined, tuple(goals), count, reason)
+    return Chain(pipeline.time_plan(problem, plan if joined is None else joined), tuple(goals), count, reason)
 
 
 def _plan_timed(problem: Problem, hand: HandModel, goal: RotationGoal, start: Start) -> tuple[Plan, float]:

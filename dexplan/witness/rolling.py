@@ -21,8 +21,12 @@ from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.tip_rotation import refuse_rotation
 from dexplan.planning.rolling.roll_gait import as_roll, build_roll, end_placement, follow_roll, judge_ways
-from dexplan.plans.plan import MUST, SOLVED, Action, Placement, Plan, PlannedPhase
-from dexplan.plans.roll import Roll
+from dexplan.plans.actions import Action, Roll
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.phases import MUST, PlannedPhase
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.judge.replay import replay
@@ -113,7 +117,7 @@ class Stand:
         assert start is not None
         return start
 
-    def plan_roll(self, legs: Sequence[Roll]) -> tuple[Plan | None, str]:
+    def plan_roll(self, legs: Sequence[TipRoll]) -> tuple[Plan | None, str]:
         """Return the plan that holds, rolls one finger leg by leg and holds; or None and why the hand cannot do it."""
         first, last = self.plan.actions[0], self.plan.actions[-1]
         contacts, actions = list(self.plan.start_contacts), [first]
@@ -127,13 +131,14 @@ class Stand:
                 ways[leg.finger] = q
                 _, refusal = judge_ways(self.hand, judge, self.plan.X_WO_start, ways)
             if refusal:
-                return None, refusal
+                return None, str(refusal)
             contacts[leg.finger] = end_placement(leg, before, q[-1])
             actions.append(_build_action(first, tuple(contacts), leg))
         if refusal := refuse_rotation(self.hand, actions):
-            return None, refusal
+            return None, str(refusal)
         actions.append(replace(last, contacts_end=tuple(contacts)))
-        return replace(self.plan, actions=tuple(actions), status=SOLVED), ""
+        solved = replace(self.plan, actions=tuple(actions), status=Status.SOLVED)
+        return pipeline.time_plan(self.problem, solved), ""
 
 
 def build_stands(profile: str) -> list[Stand]:
@@ -141,10 +146,10 @@ def build_stands(profile: str) -> list[Stand]:
     return [Stand.build(build_roll_problem(profile, place), place) for place in PLACES_DEG]
 
 
-def _build_action(hold: Action, contacts: tuple[Placement | None, ...], leg: Roll) -> Action:
-    return replace(
-        hold,
-        kind="roll",
+def _build_action(hold: Action, contacts: Contacts, leg: TipRoll) -> Roll:
+    return Roll(
+        motion=hold.motion,
+        grasping=hold.grasping,
         contacts_end=contacts,
         phases=(PlannedPhase("roll", (MUST,) * len(contacts)),),
         why="a trial of rolling",
@@ -166,7 +171,7 @@ def sweep_straight(
     """Yield a straight roll over ``angle`` [rad] of the ball for every heading that the hand can do from one of its places."""
     count = max(25, int(np.ceil(np.degrees(angle))) + 1)
 
-    def build(stand: Stand, heading: float) -> list[list[Roll]]:
+    def build(stand: Stand, heading: float) -> list[list[TipRoll]]:
         return [[build_roll(stand.hand, stand.start, compute_heading(stand.start, heading), angle, count)]]
 
     for heading in headings_deg:
@@ -181,7 +186,7 @@ def sweep_triangles(
     Where a triangle cannot be followed its mirror image may still be, which gets as far.
     """
 
-    def build(stand: Stand, heading: float) -> list[list[Roll]]:
+    def build(stand: Stand, heading: float) -> list[list[TipRoll]]:
         start, radius = stand.start, float(np.linalg.norm(stand.start.point_O))
         triangle = RollingTriangle(stand.problem.hand.tip_radii_m[start.finger], radius, leg, apex)
         direction = compute_heading(start, heading)
@@ -193,7 +198,7 @@ def sweep_triangles(
 
 
 def _try(
-    stands: Sequence[Stand], build: Callable[[Stand, float], list[list[Roll]]], heading_deg: float
+    stands: Sequence[Stand], build: Callable[[Stand, float], list[list[TipRoll]]], heading_deg: float
 ) -> RollTrial | Refusal:
     """Run the first way that the hand can do, place after place."""
     reason = ""

@@ -13,6 +13,7 @@ from dexplan import pipeline
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.regions.sampling import sample_start
 from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.problems.problem import GoalSection, Problem, Rotation, StartSection, compute_contact_directions
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.spatial import Array, rotate_about
@@ -100,16 +101,14 @@ def judge_refusal(done: Attempt) -> Verdict:
     start = None if isinstance(contacts, str) else compute_contact_directions(contacts)
     judge = Admissibility(hand)
     if start is not None and not Journey(hand, plan.X_WO_start[None], start).begins:
-        return Verdict(
-            plan.status.startswith("start_") or plan.status == "blocked", "the start does not hold"
-        )
-    if plan.status.startswith("start_") or plan.status == "blocked":
+        return Verdict(plan.status.is_about_start or plan.status is Status.BLOCKED, "the start does not hold")
+    if plan.status.is_about_start or plan.status is Status.BLOCKED:
         return Verdict(False, "the start holds")
     held = find_hold(hand, plan.X_WO_goal, judge)
     if held is None:
         return Verdict(True, "nothing holds at the goal")
     named = ", ".join(f"finger {f + 1} along {np.round(n, 3).tolist()}" for f, n in held)
-    if plan.status in ("goal_unreachable", "no_force_closure_pair"):
+    if plan.status in (Status.GOAL_UNREACHABLE, Status.NO_FORCE_CLOSURE_PAIR):
         return Verdict(False, f"at the goal hold {named}")
     looked_at = []
     for poses in list_ways(problem, plan.X_WO_start):

@@ -11,7 +11,10 @@ from dexplan.brief import brief_repr
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.rolling.roll_gait import RollToPair, build_roll_actions
-from dexplan.plans.plan import SOLVED, Action, Plan
+from dexplan.plans.actions import Action
+from dexplan.plans.motion import rest_at
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.problems.derived import PATCH_PER_TIP
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
@@ -50,16 +53,17 @@ def build_three_to_two(problem: Problem, *, is_early: bool = False) -> tuple[Pla
     rolling = RollToPair(hand, X_WO, plan.start_contacts, Admissibility(hand))
     found = next(rolling.options(), None)
     if found is None:
-        return None, rolling.explain()
-    still = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": UP, "angle": 0.0}
-    hold = build_hold(list(plan.start_contacts), still, "let the grasp settle")
+        return None, "; ".join(map(str, rolling.explain()))
+    still = rest_at(X_WO, UP)
+    hold = build_hold(plan.start_contacts, still, "let the grasp settle")
     roll, lift = build_roll_actions(found, hand, X_WO, UP)
     if is_early:
         gone = tuple(None if i == found.lifted else c for i, c in enumerate(plan.start_contacts))
         lift = replace(lift, contacts_end=gone)
-    end = build_hold(list(lift.contacts_end), still, "the pair holds")
+    end = build_hold(lift.contacts_end, still, "the pair holds")
     actions: tuple[Action, ...] = (hold, lift, end) if is_early else (hold, roll, lift, end)
-    return replace(plan, status=SOLVED, reason="", actions=actions), ""
+    solved = replace(plan, status=Status.SOLVED, reason="", actions=actions)
+    return pipeline.time_plan(problem, solved), ""
 
 
 def run_three_to_two(sliding: float, tip_radius: float, profile: str = "firm") -> ThreeToTwo:

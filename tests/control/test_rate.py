@@ -66,7 +66,7 @@ def test_shorter_ticks_twist_less() -> None:
     for rate in RATES:
         options = dataclasses.replace(pipeline.build_options(problem), rate=rate)
         trace = pipeline.rollout(problem, plan, options=options)
-        moving = np.array([plan.actions[k].kind == "move_object" for k in trace["action_index"]])
+        moving = np.array([plan.actions[k].name == "move_object" for k in trace["action_index"]])
         off = trace["contact_force"][moving, :, 3] - trace["contact_force_reference"][moving, :, 3]
         twist[rate] = float(np.nanmax(np.abs(off)))
     # In steps of 4, 2 and 1 ms the tick begins 1.5, 0.5 and 0 steps away from its mean.
@@ -80,7 +80,7 @@ def test_forces_follow_what_is_told_while_load_goes_from_finger_to_finger() -> N
         {"goal.rotation.angle_deg": 120.0, "start.contacts_deg": [[36.0, 0.0], [180.0, 0.0], "free"]},
     )
     plan = pipeline.plan(problem)
-    first = next(k for k, action in enumerate(plan.actions) if action.kind == "place")
+    first = next(k for k, action in enumerate(plan.actions) if action.name == "place")
     plan = dataclasses.replace(plan, actions=plan.actions[: first + 1])
     off = {}
     for relaxation in (0.02, 0.15):

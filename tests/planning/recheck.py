@@ -17,7 +17,9 @@ from dexplan.kinematics.arcs import build_travel, interpolate
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose, solve_ik
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.plans.plan import Action, Placement, Plan
+from dexplan.plans.actions import Action, Relocate
+from dexplan.plans.contacts import Placement
+from dexplan.plans.plan import Plan
 from dexplan.spatial import Array, build_frame, rotate_about
 
 SAMPLE = np.radians(2.0)
@@ -43,9 +45,9 @@ class Recheck:
                 self._check_placement("start", contact)
         self._check_order("start")
         for index, action in enumerate(self.plan.actions):
-            name = f"{index} {action.kind}"
+            name = f"{index} {action.name}"
             self._expect(name, np.allclose(action.X_WO_start, self._X_WO, atol=1e-12), "begins elsewhere")
-            getattr(self, f"_check_{action.kind}")(name, action)
+            getattr(self, f"_check_{action.name}")(name, action)
             self._expect(name, self._is_at(action.contacts_end), "ends with other contacts")
             self._X_WO = action.X_WO_end
             self._check_order(name)
@@ -59,26 +61,25 @@ class Recheck:
     def _check_move_object(self, name: str, action: Action) -> None:
         self._check_closure(name, self._holding)
         p_start, p_end = action.X_WO_start[:3, 3], action.X_WO_end[:3, 3]
-        for share in np.linspace(0.0, 1.0, 2 + int(abs(action.angle) / SAMPLE)):
+        for share in np.linspace(0.0, 1.0, 2 + int(abs(action.motion.angle) / SAMPLE)):
             X_WO = action.X_WO_start.copy()
-            X_WO[:3, :3] = rotate_about(action.axis_W, share * action.angle) @ X_WO[:3, :3]
+            X_WO[:3, :3] = rotate_about(action.motion.axis_W, share * action.motion.angle) @ X_WO[:3, :3]
             X_WO[:3, 3] = p_start + share * (p_end - p_start)
             for contact in self._contacts:
                 if contact is not None:
                     self._carry(name, contact, X_WO)
-            self._check_state(name, X_WO, self._holding, np.sign(action.angle) * action.axis_W)
+            self._check_state(name, X_WO, self._holding, np.sign(action.motion.angle) * action.motion.axis_W)
         self._expect(name, np.allclose(X_WO, action.X_WO_end, atol=1e-9), "does not end where it says")
 
-    def _check_place(self, name: str, action: Action) -> None:
+    def _check_place(self, name: str, action: Relocate) -> None:
         finger = action.finger
-        assert finger is not None
         self._expect(name, self._contacts[finger] is None, "places a finger that holds already")
         before = self._holding
         placed = action.contacts_end[finger]
         assert placed is not None
         hover = self._hover(name, placed)
         arc = build_travel(self.hand.fingers[finger], self._q[finger], hover, self._X_WO[:3, 3])
-        path = arc if action.way is None else self._check_ends(name, action.way, arc)
+        path = self._check_ends(name, action.ways[0].postures, arc) if action.ways else arc
         self._check_path(name, finger, path, before)
         self._check_path(name, finger, self._lower(name, placed, hover), (*before, finger))
         self._contacts[finger] = placed
@@ -86,9 +87,8 @@ class Recheck:
         self._check_state(name, self._X_WO, self._holding)
         self._expect(name, action.grasping == before, "names other fingers that hold meanwhile")
 
-    def _check_lift(self, name: str, action: Action) -> None:
+    def _check_lift(self, name: str, action: Relocate) -> None:
         finger = action.finger
-        assert finger is not None
         lifted = self._contacts[finger]
         assert lifted is not None
         rest = tuple(f for f in self._holding if f != finger)
@@ -99,7 +99,7 @@ class Recheck:
         self._contacts[finger] = None
         home = self.hand.fingers[finger].q_home
         arc = build_travel(self.hand.fingers[finger], hover, home, self._X_WO[:3, 3])
-        path = arc if action.way is None else self._check_ends(name, action.way, arc)
+        path = self._check_ends(name, action.ways[0].postures, arc) if action.ways else arc
         self._check_path(name, finger, path, rest)
         self._q[finger] = home
         self._check_state(name, self._X_WO, rest)

@@ -10,7 +10,8 @@ from dexplan import pipeline
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.moves import reverse_roll
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
-from dexplan.plans.plan import Action, Plan
+from dexplan.plans.actions import Action
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 
@@ -64,7 +65,7 @@ def check_reached(hand: HandModel, plan: Plan, goal: Places) -> None:
 
 
 def kinds(plan: Plan) -> list[str]:
-    return [a.kind for a in plan.actions]
+    return [a.name for a in plan.actions]
 
 
 class TestSearch:
@@ -80,7 +81,7 @@ class TestSearch:
         plan = adjust(hand, PAIR, goal)
         check_reached(hand, plan, goal)
         np.testing.assert_array_equal(plan.X_WO_goal, plan.X_WO_start)
-        assert all(a.margins["load"] > 0.0 for a in plan.actions if a.kind in ("place", "lift"))
+        assert all(a.margins["load"] > 0.0 for a in plan.actions if a.name in ("place", "lift"))
 
     def test_near_goals_are_rolled_to(self, hand: HandModel) -> None:
         goal: Places = [(8.0, 5.0), (125.0, -5.0), (243.0, 0.0)]

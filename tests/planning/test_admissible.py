@@ -11,6 +11,7 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.grasp.closed_forms.pair import required_pair_preload
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.refusal import RefusalKind
 from dexplan.spatial import Array, build_frame, direction_from_angles, make_pose
 
 MIDDLE_DEG = 60.0
@@ -55,7 +56,7 @@ def test_load_margin_shrinks_with_the_pair_angle_down_to_refusal(hand: HandModel
     assert all(0.0 <= value < 1.0 for value in load[carried])
     for row, fine in zip(rows, carried, strict=True):
         assert row.is_admissible == fine
-        assert fine or "friction" in row.refusal
+        assert fine or "friction" in str(row.refusal)
 
 
 def test_acceleration_costs_load(hand: HandModel) -> None:
@@ -94,24 +95,33 @@ def test_refusals_say_what_is_wrong(hand: HandModel) -> None:
     check = Admissibility(hand)
     fine = check.compute_margins(good, X_WO, (0, 1))
     assert fine.is_admissible
-    assert fine.refusal == ""
+    assert fine.refusal is None
 
     spun = good.copy()
     spun[0, -1] = hand.fingers[0].chain.upper[-1] - np.radians(2.0)  # the tip's own roll: the contact stays
-    assert check.compute_margins(spun, X_WO, (0, 1)).refusal == "a joint comes within 2.0 deg of its limit"
+    refusal = check.compute_margins(spun, X_WO, (0, 1)).refusal
+    assert refusal is not None
+    assert str(refusal) == "a joint of finger_1 comes within 2.0 deg of its limit"
+    assert (refusal.kind, refusal.needed) == (RefusalKind.JOINT_LIMIT, hand.limits.joint_margin)
 
     stretched = good.copy()
     stretched[0, 4] = 0.0  # both rolls of the wrist in one line
-    assert "singular" in check.compute_margins(stretched, X_WO, (0, 1)).refusal
+    refusal = check.compute_margins(stretched, X_WO, (0, 1)).refusal
+    assert refusal is not None
+    assert (refusal.kind, refusal.subject) == (RefusalKind.SINGULAR, ("finger_1",))
 
     crowded = hold(hand, 20.0)
     refusal = check.compute_margins(crowded, X_WO, (0, 1)).refusal
-    assert refusal.startswith("finger_1/tip and finger_2/tip come within -")
-    assert refusal.endswith(" mm")
+    assert refusal is not None
+    assert (refusal.kind, refusal.subject) == (RefusalKind.NEAR_FINGER, ("finger_1/tip", "finger_2/tip"))
+    assert refusal.measured is not None
+    assert str(refusal) == f"finger_1/tip and finger_2/tip come within {1e3 * refusal.measured:.1f} mm"
 
     slippery = Admissibility(replace(hand, friction=SoftFinger(0.1, hand.friction.torsional)))
     row = slippery.compute_margins(good, X_WO, (0, 1))
-    assert row.refusal == "the contacts cannot carry the load (friction)"
+    assert row.refusal is not None
+    assert row.refusal.kind is RefusalKind.LOAD
+    assert str(row.refusal) == "the contacts cannot carry the load (friction)"
     assert row.load == -np.inf
 
 
@@ -121,10 +131,11 @@ def test_finger_in_the_way_is_named(hand: HandModel) -> None:
     check, X_WO = Admissibility(hand), hand.object.X_WO_home
     assert not check.compute_margins(q, X_WO, (0,)).is_admissible
     refusal = check.compute_margins(q, X_WO, (0,)).refusal
-    assert "finger_2/tip" in refusal
-    assert "within" in refusal
+    assert refusal is not None
+    assert "finger_2/tip" in refusal.subject
+    assert refusal.kind is RefusalKind.NEAR_OBJECT
     landing = check.compute_margins(q, X_WO, (0,), landing=(1,))
-    assert "within" not in landing.refusal
+    assert landing.refusal is None or landing.refusal.kind is RefusalKind.LOAD
 
 
 def test_worst_of_a_motion_takes_the_worst_of_each(hand: HandModel) -> None:

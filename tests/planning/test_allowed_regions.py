@@ -43,7 +43,7 @@ def plan(problem: Problem) -> Plan:
 
 def test_ball_turns_on_one_pair_of_regions(problem: Problem, plan: Plan) -> None:
     assert plan.is_solved, plan.reason
-    assert sum(action.kind == "place" for action in plan.actions) >= 2
+    assert sum(action.name == "place" for action in plan.actions) >= 2
     assert find_outside(problem, plan) == []
 
 

@@ -75,8 +75,8 @@ def test_units_of_cost() -> None:
 
 def cost_of(plan: Plan, weights: CostWeights) -> float:
     """Return the cost as the plan's own actions tell it."""
-    count = sum(a.kind == "place" for a in plan.actions)
-    turned = sum(abs(a.angle) for a in plan.actions)
+    count = sum(a.name == "place" for a in plan.actions)
+    turned = sum(abs(a.motion.angle) for a in plan.actions)
     shifted = sum(float(np.linalg.norm((a.X_WO_end - a.X_WO_start)[:3, 3])) for a in plan.actions)
     return compute_cost(weights, count, turned, shifted, [a.margins for a in plan.actions])
 
@@ -102,7 +102,7 @@ def test_the_full_turn_is_no_dearer_than_the_first_way_found(problem: Problem, f
     assert begun["cost"] == begun["first_cost"] == found["first_cost"]
     assert found["plans"] > 1
     assert found["cost"] < begun["cost"]
-    placements = [sum(a.kind == "place" for a in p.actions) for p in (first, full_turn)]
+    placements = [sum(a.name == "place" for a in p.actions) for p in (first, full_turn)]
     assert placements[1] <= placements[0]
     # So much again was spent as the first way had taken, and not more.
     assert begun["nodes"] < found["nodes"] <= 2 * begun["nodes"]
@@ -120,7 +120,7 @@ def improve(hand: HandModel, question: Question, weights: CostWeights, share: fl
     assert plan.is_solved, plan.reason
     cost, told = plan.statistics["cost"], cost_of(plan, weights)
     # No action tells how a grasp fares that was given and is left without a move; its load counts all the same.
-    assert cost == pytest.approx(told, abs=1e-9) if plan.actions[1].kind == "move_object" else cost >= told
+    assert cost == pytest.approx(told, abs=1e-9) if plan.actions[1].name == "move_object" else cost >= told
     assert cost <= plan.statistics["first_cost"]
     return plan
 
@@ -158,7 +158,7 @@ def test_margins_are_the_plan_s_own(
     assert len(found) == plan.statistics["plans"] > 2
     cost, steps = min(found, key=lambda one: one[0])
     assert cost == plan.statistics["cost"] < found[0][0]
-    moves = [a.margins for a in plan.actions if a.kind == "move_object"]
+    moves = [a.margins for a in plan.actions if a.name == "move_object"]
     assert moves == [dict(s.margins) for s in steps if s.angle]
 
 
@@ -207,7 +207,7 @@ def test_a_grasp_that_is_to_come_first_is_not_adjusted_later_for_a_cheaper_plan(
             load_problem("fig5_dextrous", {"goal.order": "grasp_first", "gait.improvement": share})
         )
         assert plan.is_solved
-        made = max(k for k, a in enumerate(plan.actions) if a.kind in ("place", "lift", "roll"))
+        made = max(k for k, a in enumerate(plan.actions) if a.name in ("place", "lift", "roll"))
         rest = plan.X_WO_goal[:3, :3] @ plan.actions[made].X_WO_end[:3, :3].T
         left.append(np.arccos(np.clip(0.5 * (np.trace(rest) - 1.0), -1.0, 1.0)))
     assert left[1] >= left[0] - 1e-9

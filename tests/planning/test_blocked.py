@@ -13,9 +13,11 @@ from dexplan import pipeline
 from dexplan.contact.friction import SoftFinger
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.tasks.blocked import explain_obstruction
-from dexplan.planning.tasks.pair_survey import explain_no_pair
+from dexplan.planning.tasks.blocked import find_obstruction
+from dexplan.planning.tasks.pair_survey import refuse_every_pair
 from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Cure, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.problems.read import build_problem, load_problem
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -87,7 +89,7 @@ def test_overlaps_of_what_stands_still_are_in_nobodys_way(obstacles: list[dict[s
 
 def test_fingers_that_overlap_at_home_are_no_obstacle_where_one_of_them_holds() -> None:
     near = load_problem(CASES / "two_fingers_side_by_side.toml")
-    assert explain_obstruction(pipeline.build_hand(near, pipeline.build_scene(near))) == ""
+    assert find_obstruction(pipeline.build_hand(near, pipeline.build_scene(near))) is None
     far = case("two_fingers_far_obstacle")
     assert far.is_solved, far.reason
     # Their first links are 1.4 mm apart whatever they do: neither may ever be free.
@@ -99,13 +101,17 @@ def test_an_obstacle_where_a_free_finger_waits() -> None:
         problem := load_problem("hold_two", {"obstacles": [sphere(*_home(2), 0.01)]}),
         pipeline.build_scene(problem),
     )
-    assert explain_obstruction(hand, waiting=(0,)) == ""
-    reason = explain_obstruction(hand, waiting=(2,))
-    assert "finger_3" in reason
-    assert "obstacle_1" in reason
-    assert "move or shrink what is in the way" in reason
+    assert find_obstruction(hand, waiting=(0,)) is None
+    no = find_obstruction(hand, waiting=(2,))
+    assert no is not None
+    assert "finger_3" in no.reason
+    assert "obstacle_1" in no.reason
+    assert "move or shrink what is in the way" in no.reason
+    assert no.refusal is not None
+    assert no.refusal.kind is RefusalKind.NEAR_STANDING
+    assert "obstacle_1" in no.refusal.subject
     refused = pipeline.plan(problem)
-    assert (refused.status, refused.reason) == ("blocked", reason)
+    assert (refused.status, refused.reason, refused.refusal) == (Status.BLOCKED, no.reason, no.refusal)
 
 
 def _home(finger: int) -> tuple[float, float, float]:
@@ -157,22 +163,25 @@ def test_joint_ranges_that_leave_no_contacts_are_named(hand: HandModel) -> None:
         fingers=tuple(replace(f, chain=c) for f, c in zip(hand.fingers, chains, strict=True)),
         workspaces=tuple(replace(w, chain=c) for w, c in zip(hand.workspaces, chains, strict=True)),
     )
-    reason = explain_no_pair(narrow, hand.object.X_WO_home, Admissibility(narrow))
-    assert "joint ranges" in reason
-    assert "widen hand.joint_ranges_deg" in reason
-    assert "friction" not in reason
-    assert explain_no_pair(hand, hand.object.X_WO_home, Admissibility(hand)) == ""
+    refusal = refuse_every_pair(narrow, hand.object.X_WO_home, Admissibility(narrow))
+    assert refusal is not None
+    assert "joint ranges" in str(refusal)
+    assert refusal.kind is RefusalKind.JOINT_LIMIT
+    assert refusal.cure == Cure("widen hand.joint_ranges_deg", is_checked=True)
+    assert refuse_every_pair(hand, hand.object.X_WO_home, Admissibility(hand)) is None
 
 
 def test_friction_and_weight_are_told_apart(hand: HandModel) -> None:
     slippery = replace(hand, friction=SoftFinger(0.015, 7e-5))
-    reason = explain_no_pair(slippery, hand.object.X_WO_home, Admissibility(slippery))
-    assert "raise the friction" in reason
-    assert "lighter" not in reason
+    refusal = refuse_every_pair(slippery, hand.object.X_WO_home, Admissibility(slippery))
+    assert refusal is not None
+    assert refusal.kind is RefusalKind.NOT_CLOSED
+    assert refusal.cure == Cure("raise the friction, or lower friction.safety", is_checked=True)
     heavy = replace(hand, object=replace(hand.object, mass=3.0))
-    reason = explain_no_pair(heavy, hand.object.X_WO_home, Admissibility(heavy))
-    assert "use a lighter object" in reason
-    assert "raise the friction" not in reason
+    refusal = refuse_every_pair(heavy, hand.object.X_WO_home, Admissibility(heavy))
+    assert refusal is not None
+    assert refusal.kind is RefusalKind.TOO_HEAVY
+    assert refusal.cure == Cure("use a lighter object", is_checked=True)
 
 
 def test_fingers_that_meet_at_the_start() -> None:

@@ -12,16 +12,20 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.control.reference import Timing, build_reference
+from dexplan.control.reference import build_reference
 from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
 from dexplan.planning.actions.gaits import build_actions
+from dexplan.planning.actions.schedule import time_plan
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.steps import Step
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.ways.detour import Surroundings, find_detour
 from dexplan.planning.ways.travel import find_way
-from dexplan.plans.plan import SOLVED, Placement, Plan
+from dexplan.plans.contacts import Placement
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
+from dexplan.plans.timing import Timing
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 
@@ -164,25 +168,34 @@ def plan(barred: Landing) -> Plan:
     actions = build_actions(steps, (None, two, three), np.array([0.0, 0.0, 1.0]))
     names = tuple(f.name for f in barred.hand.fingers)
     axis = np.array([0.0, 0.0, 1.0])
-    return Plan(
-        SOLVED, "", names, "object_manipulation", X_WO, X_WO, axis, 0.0, (None, two, three), actions, 5.5
+    plan = Plan(
+        Status.SOLVED,
+        "",
+        names,
+        "object_manipulation",
+        X_WO,
+        X_WO,
+        axis,
+        0.0,
+        (None, two, three),
+        actions,
+        5.5,
     )
+    return time_plan(plan, barred.hand.fingers, Timing())
 
 
 def test_ways_are_written_into_the_actions_as_they_are_walked(barred: Landing, plan: Plan) -> None:
     way = find_way(barred.around, barred.arc)
-    assert [(a.kind, a.finger, a.way is not None) for a in plan.actions[1:-1]] == [
+    assert [(a.name, a.finger, a.ways[0].is_detour) for a in plan.actions[1:-1]] == [
         ("place", 0, True),
         ("lift", 2, False),
         ("place", 2, False),
         ("lift", 0, True),
     ]
     there, back = plan.actions[1], plan.actions[4]
-    assert there.way is not None
-    assert back.way is not None
-    assert np.array_equal(there.way, way.postures)
-    assert np.array_equal(back.way, way.postures[::-1])
-    assert not there.way.flags.writeable
+    assert np.array_equal(there.ways[0].postures, way.postures)
+    assert np.array_equal(back.ways[0].postures, way.postures[::-1])
+    assert not there.ways[0].postures.flags.writeable
     for action in (there, back):
         assert f"a detour keeps {way.around} apart" in action.why
 
@@ -192,16 +205,17 @@ def test_ways_survive_the_file(plan: Plan, tmp_path: Path) -> None:
     again = Plan.load(tmp_path / "plan.json")
     assert again.as_dict() == plan.as_dict()
     for a, b in zip(plan.actions, again.actions, strict=True):
-        assert (a.way is None) == (b.way is None)
-        assert a.way is None or b.way is None or np.array_equal(a.way, b.way)
+        for way, same in zip(a.ways, b.ways, strict=True):
+            assert (way.finger, way.is_detour) == (same.finger, same.is_detour)
+            assert np.array_equal(way.postures, same.postures)
 
 
 def test_the_reference_goes_where_the_plan_says(barred: Landing, plan: Plan) -> None:
-    reference = build_reference(plan, barred.hand.fingers, Timing())
+    reference = build_reference(plan)
     walked = {p.action_index: p.postures for p in reference.phases if p.name == "travel"}
     assert sorted(walked) == [1, 2, 3, 4]
-    for index in (1, 4):
-        assert np.array_equal(walked[index], plan.actions[index].way)
+    for index in walked:
+        assert np.array_equal(walked[index], plan.actions[index].ways[0].postures)
     # The others take the arc, from home or to it.
     home = barred.hand.fingers[2].q_home
     assert np.allclose(walked[2][-1], home)
@@ -216,8 +230,11 @@ def test_the_reference_goes_where_the_plan_says(barred: Landing, plan: Plan) -> 
             assert speed < 1.3 * Timing().joint_speed
 
 
-def test_files_without_ways_load_and_arcs_are_written_as_ever(plan: Plan) -> None:
-    arcs = Plan(**{**vars(plan), "actions": tuple(replace(a, way=None) for a in plan.actions)})
-    data = arcs.as_dict()
-    assert all("way" not in action for action in data["actions"])
-    assert all(a.way is None for a in Plan.from_dict(data).actions)
+def test_timing_a_plan_again_changes_nothing(barred: Landing, plan: Plan) -> None:
+    """Detours stay, arcs are made again, and both are as they were."""
+    assert time_plan(plan, barred.hand.fingers, Timing()).as_dict() == plan.as_dict()
+    forgotten = replace(plan, actions=tuple(replace(a, ways=()) for a in plan.actions))
+    arcs = time_plan(forgotten, barred.hand.fingers, Timing())
+    assert not any(way.is_detour for action in arcs.actions for way in action.ways)
+    assert np.array_equal(arcs.actions[2].ways[0].postures, plan.actions[2].ways[0].postures)
+    assert not np.array_equal(arcs.actions[1].ways[0].postures, plan.actions[1].ways[0].postures)

@@ -13,7 +13,8 @@ from dexplan import pipeline
 from dexplan.control.reference import build_reference
 from dexplan.planning.actions.overlap import count_overlaps, overlap_travel
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.plans.plan import MUST_NOT, Plan
+from dexplan.plans.phases import MUST_NOT
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.read import load_problem
 from dexplan.spatial import direction_from_angles
@@ -42,35 +43,31 @@ def plan_of(order: str) -> Plan:
     return pipeline.plan(small(order))
 
 
-def duration(plan: Plan, hand: HandModel, order: str) -> float:
-    return build_reference(plan, hand.fingers, pipeline.build_timing(small(order))).duration
-
-
 @pytest.mark.parametrize("order", ORDERS)
 def test_object_and_contacts_reach_their_goals(order: str) -> None:
     plan = plan_of(order)
     assert plan.is_solved, plan.reason
     np.testing.assert_allclose(plan.actions[-1].X_WO_end, plan.X_WO_goal, atol=1e-12)
-    assert np.degrees(sum(a.angle for a in plan.actions)) == pytest.approx(24.0)
+    assert np.degrees(sum(a.motion.angle for a in plan.actions)) == pytest.approx(24.0)
     for contact, (azimuth, elevation) in zip(plan.actions[-1].contacts_end, CONTACTS, strict=True):
         assert contact is not None
         np.testing.assert_allclose(contact.normal_O, direction_from_angles(azimuth, elevation), atol=1e-6)
 
 
 def test_orders_come_in_their_order() -> None:
-    first, second = ([a.kind for a in plan_of(order).actions] for order in ORDERS[:2])
+    first, second = ([a.name for a in plan_of(order).actions] for order in ORDERS[:2])
     assert first == ["hold", "move_object", "place", "hold"]
     assert second == ["hold", "place", "move_object", "hold"]
 
 
-def test_simultaneous_is_quicker_and_overlaps(hand: HandModel) -> None:
+def test_simultaneous_is_quicker_and_overlaps() -> None:
     plan = plan_of("simultaneous")
-    times = [duration(plan_of(order), hand, order) for order in ORDERS]
+    times = [plan_of(order).duration for order in ORDERS]
     assert times[2] < min(times[:2]) - 0.2
     counted = count_overlaps(plan.actions)
     assert counted["relocations_overlapping"] >= 0.3 * counted["relocations"]
-    move = next(a for a in plan.actions if a.kind == "move_object")
-    assert move.finger == 2
+    move = next(a for a in plan.actions if a.name == "move_object")
+    assert [way.finger for way in move.ways] == [2]
     assert move.phases[0].touch[2] == MUST_NOT
     assert "travels" in move.why
 
@@ -78,7 +75,7 @@ def test_simultaneous_is_quicker_and_overlaps(hand: HandModel) -> None:
 def test_the_finger_arrives_with_the_object(hand: HandModel) -> None:
     """While the object moves the finger's share of its way follows the object's, from home to the hover over its contact."""
     plan = plan_of("simultaneous")
-    reference = build_reference(plan, hand.fingers, pipeline.build_timing(small("simultaneous")))
+    reference = build_reference(plan)
     k = next(i for i, p in enumerate(reference.phases) if p.name == "move")
     move, approach = reference.phases[k], reference.phases[k + 1]
     assert move.postures is not None
@@ -97,7 +94,8 @@ def test_travel_that_comes_too_near_is_not_handed_over(hand: HandModel) -> None:
     careful = replace(hand, limits=replace(hand.limits, clearance=0.05))
     plan = overlap_travel(careful, plan_of("object_first"))
     assert plan.statistics["relocations_overlapping"] == 0
-    assert [a.finger for a in plan.actions] == [a.finger for a in plan_of("object_first").actions]
+    ways = [[[way.finger for way in a.ways] for a in p.actions] for p in (plan, plan_of("object_first"))]
+    assert ways[0] == ways[1]
 
 
 def test_plans_survive_saving(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ def test_ends_differ_and_are_where_the_object_should_be(hand: HandModel) -> None
     X_WO = hand.object.X_WO_home
     hold = plan_rotation(hand, RotationGoal(X_WO, VERTICAL, 0.0), RING, 500)
     beginnings = choose_beginnings(hand, hold, RING, Admissibility(hand))
-    assert [a.kind for a in beginnings[0].actions] == ["roll", "lift"]
+    assert [a.name for a in beginnings[0].actions] == ["roll", "lift"]
     goal = RotationGoal(X_WO, np.array([0.6, 0.0, 0.8]), 1.0, is_attitude=True)
     ends = Ends(hand, goal, beginnings, hold.start_contacts, 500, ("substitution",))
     found = [end for k in range(3) if (end := ends.get(k, 200)) is not None]

@@ -14,7 +14,15 @@ from scipy.spatial.transform import Rotation
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.cost import Improvement
-from dexplan.planning.gait.escape import ALIKE, COUNT, ENOUGH, FURTHEST, Escape, count_room, find_escapes
+from dexplan.planning.gait.escape import (
+    ALIKE,
+    COUNT,
+    FURTHEST,
+    MOST_PLACES_COUNTED,
+    Escape,
+    count_room,
+    find_escapes,
+)
 from dexplan.planning.gait.held import Held, Landfall
 from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_routes, list_swings
@@ -115,7 +123,9 @@ def test_escapes_lead_to_where_a_finger_can_land(
 def test_escapes_are_different_ways_the_roomiest_and_nearest_first(cases: dict[int, Case]) -> None:
     for number in STUCK:
         escapes = cases[number].escapes
-        scores = [min(e.room, ENOUGH) / ENOUGH - 0.5 * e.angle / FURTHEST for e in escapes]
+        scores = [
+            min(e.room, MOST_PLACES_COUNTED) / MOST_PLACES_COUNTED - 0.5 * e.angle / FURTHEST for e in escapes
+        ]
         assert scores == sorted(scores, reverse=True)
         for k, one in enumerate(escapes):
             assert all(one.axis_W @ two.axis_W < ALIKE for two in escapes[:k])
@@ -125,9 +135,9 @@ def angle_about(plan: Plan, axis: Array) -> float:
     """Return the turn about ``axis`` [rad] counted along the plan's moves, through whole turns."""
     quats = []
     for action in plan.actions:
-        if action.kind == "move_object":
+        if action.name == "move_object":
             for share in np.linspace(0.0, 1.0, 20):
-                turn = Rotation.from_rotvec(share * action.angle * action.axis_W)
+                turn = Rotation.from_rotvec(share * action.motion.angle * action.motion.axis_W)
                 back = plan.X_WO_start[:3, :3].T
                 R = turn.as_matrix() @ action.X_WO_start[:3, :3] @ back
                 quats.append(Rotation.from_matrix(R).as_quat(canonical=True))
@@ -141,7 +151,7 @@ def test_attitude_from_a_stuck_start(hand: HandModel, cases: dict[int, Case]) ->
     assert plan.is_solved, plan.reason
     assert plan.statistics["nodes"] < 100
     # What moves first is the pair, about an axis to where there is room.
-    first = next(a for a in plan.actions if a.kind == "move_object")
+    first = next(a for a in plan.actions if a.name == "move_object")
     assert any(np.allclose(first.axis_W, e.axis_W) for e in case.escapes)
     assert first.grasping == tuple(sorted(h.finger for h in case.pair))
     assert np.allclose(plan.actions[-1].X_WO_end, plan.X_WO_goal, atol=1e-9)
@@ -157,10 +167,10 @@ def test_turn_about_a_named_axis_from_a_stuck_start(hand: HandModel, cases: dict
     assert plan.turned_angle == goal.angle
     assert np.allclose(plan.actions[-1].X_WO_end, goal.X_WO_goal, atol=1e-9)
     assert angle_about(plan, up) == pytest.approx(goal.angle, abs=1e-9)
-    moves = [a for a in plan.actions if a.kind == "move_object" and a.angle]
-    about_up = [abs(a.axis_W @ up) > 1.0 - 1e-9 for a in moves]
-    assert (about_up[0], about_up[-2 if not moves[-1].angle else -1]) == (False, False)
-    assert sum(a.angle for a, is_up in zip(moves, about_up, strict=True) if is_up) == pytest.approx(
+    moves = [a for a in plan.actions if a.name == "move_object" and a.motion.angle]
+    about_up = [abs(a.motion.axis_W @ up) > 1.0 - 1e-9 for a in moves]
+    assert (about_up[0], about_up[-2 if not moves[-1].motion.angle else -1]) == (False, False)
+    assert sum(a.motion.angle for a, is_up in zip(moves, about_up, strict=True) if is_up) == pytest.approx(
         0.5 * np.pi
     )
     assert Recheck(hand, plan).faults == []
@@ -178,7 +188,7 @@ def test_who_has_room_goes_straight(
 ) -> None:
     """With plenty of room nobody even looks for an escape; with little, escapes come last; with none, first."""
     tight, stuck, roomy = cases[TIGHT], cases[STUCK[0]], cases[ROOMY]
-    assert stuck.room == 0 < tight.room < ENOUGH <= roomy.room
+    assert stuck.room == 0 < tight.room < MOST_PLACES_COUNTED <= roomy.room
     asked: list[int] = []
 
     def tell(table: ContactTable, held: Pair) -> list[Escape]:

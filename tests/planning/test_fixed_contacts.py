@@ -11,6 +11,7 @@ from dexplan import pipeline
 from dexplan.errors import ProblemError
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states
 from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import RefusalKind
 from dexplan.problems.read import load_problem
 from dexplan.spatial import rotate_about
 
@@ -27,7 +28,7 @@ def beyond() -> Plan:
 def test_the_built_in_goal_is_reached_without_lifting() -> None:
     found = plan()
     assert found.is_solved, found.reason
-    assert [a.kind for a in found.actions] == ["hold", "move_object", "hold"]
+    assert [a.name for a in found.actions] == ["hold", "move_object", "hold"]
     assert found.actions[1].grasping == (0, 1, 2)
     assert found.actions[1].limiting_finger is None
     np.testing.assert_allclose(found.actions[-1].X_WO_end, found.X_WO_goal, atol=1e-12)
@@ -37,7 +38,7 @@ def test_the_built_in_goal_is_reached_without_lifting() -> None:
 
 def test_beyond_the_limit_is_a_truthful_no(beyond: Plan) -> None:
     assert beyond.status == "limit_reached"
-    reached = np.degrees(beyond.actions[1].angle)
+    reached = np.degrees(beyond.actions[1].motion.angle)
     assert f"goes {reached:.1f} of 120.0 deg, until finger_2" in beyond.reason
     assert 'allow "substitution" or "rewind" in gait.primitives' in beyond.reason
     assert beyond.actions[1].limiting_finger == 1
@@ -54,24 +55,28 @@ def test_the_limit_is_where_the_judge_says_no(beyond: Plan) -> None:
     hand = pipeline.build_hand(problem, pipeline.build_scene(problem))
     judge, move = Admissibility(hand), beyond.actions[1]
     refusals = []
-    for angle in (0.0, 0.5 * move.angle, move.angle, move.angle + np.radians(1.0)):
+    for angle in (0.0, 0.5 * move.motion.angle, move.motion.angle, move.motion.angle + np.radians(1.0)):
         X_WO = move.X_WO_start.copy()
-        X_WO[:3, :3] = rotate_about(move.axis_W, angle) @ X_WO[:3, :3]
+        X_WO[:3, :3] = rotate_about(move.motion.axis_W, angle) @ X_WO[:3, :3]
         q = hand.q_home.copy()
         for c in move.contacts_end:
             assert c is not None
             solved, reached = hand.workspaces[c.finger].solve((X_WO @ c.X_OF)[None])
             assert reached[0]
             q[c.finger] = solved[0]
-        refusals.append(judge.compute_margins(q, X_WO, (0, 1, 2), axis_W=move.axis_W).refusal)
+        refusals.append(judge.compute_margins(q, X_WO, (0, 1, 2), axis_W=move.motion.axis_W).refusal)
         least = min(range(3), key=lambda f: compute_finger_states(hand, f, q[f][None])[0].dexterity)
-    assert refusals == ["", "", "", "a finger comes near a singular posture"]
+    assert refusals[:3] == [None] * 3
+    assert refusals[3] is not None
+    assert (refusals[3].kind, refusals[3].subject) == (RefusalKind.SINGULAR, ("finger_2",))
+    assert beyond.refusal is not None
+    assert (beyond.refusal.kind, beyond.refusal.subject) == (RefusalKind.SINGULAR, ("finger_2",))
     assert least == 1
 
 
 def test_the_other_way_round_the_mirrored_finger_ends_it(beyond: Plan) -> None:
     back = plan({"goal.rotation.angle_deg": -120.0})
-    assert back.actions[1].angle == pytest.approx(-beyond.actions[1].angle)
+    assert back.actions[1].motion.angle == pytest.approx(-beyond.actions[1].motion.angle)
     assert back.actions[1].limiting_finger == 2
 
 

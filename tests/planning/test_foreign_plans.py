@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from dexplan.control.reference import build_reference
 from dexplan.errors import RunFolderError
 from dexplan.plans.plan import Plan
 
@@ -27,10 +28,14 @@ def _walk(value: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
         yield from _walk(item, (*place, key))
 
 
-def test_whatever_is_odd_is_a_plan_or_is_told(tmp_path: Path) -> None:
-    data = json.loads(sorted(SAVED.glob("*.json"))[0].read_text(encoding="utf-8"))
-    data["actions"] = data["actions"][:2]
-    path, refused = tmp_path / "plan.json", 0
+@pytest.mark.parametrize("number", [1, 2])
+def test_whatever_is_odd_is_a_plan_or_is_told(number: int, full_turn: Plan, tmp_path: Path) -> None:
+    """In both formats; what is read as a plan that can be run makes a reference, or says why not."""
+    saved = SAVED / "full_turn.json"
+    data = json.loads(saved.read_text(encoding="utf-8")) if number == 1 else full_turn.as_dict()
+    assert data["format"] == number
+    data["actions"] = data["actions"][:3]
+    path, refused, told = tmp_path / "plan.json", 0, []
     for number, place in enumerate(_walk(data)):
         changed = copy.deepcopy(data)
         inside = changed
@@ -39,9 +44,14 @@ def test_whatever_is_odd_is_a_plan_or_is_told(tmp_path: Path) -> None:
         inside[place[-1]] = ODD[number % len(ODD)]
         path.write_text(json.dumps(changed), encoding="utf-8")
         try:
-            Plan.load(path)
+            plan = Plan.load(path)
+            if plan.is_timed:
+                build_reference(plan)
         except RunFolderError:
             refused += 1
+        except ValueError as error:
+            told.append(str(error))
+    assert all("accepted" in sentence for sentence in told)
     assert refused > 50
 
 

@@ -84,4 +84,4 @@ def test_planner_finds_a_gait_where_brute_force_does_and_needs_no_more_placement
         return
     assert plan.is_solved, plan.reason
     # One more is granted: the grid takes sharper corners than a hand, whose tips have to get past one another.
-    assert sum(a.kind == "place" for a in plan.actions) <= gait.placements + 1
+    assert sum(a.name == "place" for a in plan.actions) <= gait.placements + 1

@@ -15,11 +15,12 @@ from dexplan.planning.tasks.dextrous_manipulation import Order, plan_dextrous_ma
 from dexplan.planning.tasks.ends import BUDGETS, Ends, choose_beginnings
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
 from dexplan.planning.tasks.object_manipulation import plan_rotation
-from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Outcome, Stop
+from dexplan.planning.tasks.passes import PASSES, Outcome, Stop
 from dexplan.planning.tasks.reorient import Turns
 from dexplan.planning.tasks.stages import Stages
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.problems.problem import compute_contact_directions
 from dexplan.problems.read import load_problem
 from dexplan.spatial import VERTICAL, Array
@@ -54,7 +55,7 @@ def hard() -> Asked:
 
 
 def check_gave_up(plan: Plan) -> None:
-    assert plan.status == GAVE_UP == "budget_exhausted"
+    assert plan.status == "budget_exhausted"
     assert f"gave up after {int(plan.statistics['nodes'])} nodes" in plan.reason
     assert "there may be a way" in plan.reason
     for physics in ("friction", "lighter", "nearer to opposite"):
@@ -106,7 +107,7 @@ def test_every_way_is_begun_before_any_gets_more(hard: Asked, monkeypatch: pytes
         assert isinstance(part, passes.Pass)
         asked.append((motions.index(before), PASSES.index(part)))
         self.work += 1
-        return Outcome(why="not yet", stop=Stop.GAIT, gave_up=True)
+        return Outcome(why=Refusal(RefusalKind.WORK_USED_UP), stop=Stop.GAIT, gave_up=True)
 
     monkeypatch.setattr(Stages, "run", run)
     stages = Stages(hard.hand, hard.X_WO, hard.start, hard.goal, USUAL, ("substitution",))
@@ -127,7 +128,7 @@ def test_attitudes_between_those_of_the_grid_are_found() -> None:
     X_WO = adjustment.ObjectMotion(asked.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
     contacts, missing = stages.land_goal(X_WO)
     assert not missing
-    assert stages.refuse_goal(X_WO, contacts) == ""
+    assert stages.refuse_goal(X_WO, contacts) is None
 
 
 def test_ends_go_on_where_they_stopped(hard: Asked) -> None:

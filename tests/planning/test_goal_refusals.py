@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.tasks.stages import suggest_cure
+from dexplan.planning.tasks.goal_refusals import suggest_cure
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.problems.read import load_problem
 
 PAIR = [[-38.0, 0.0], [102.0, 0.0], "free"]
@@ -82,13 +83,21 @@ def test_a_ring_upside_down_is_reached_by_turning_the_object_over() -> None:
 @pytest.mark.parametrize(
     ("refusal", "word"),
     [
-        ("finger_1/tip and obstacle_1 come within 1.2 mm", "shrink"),
-        ("finger_1/tip and finger_2/tip too near", "apart"),
-        ("finger_2/link_2 and finger_2/link_4 come within -0.6 mm", "of this finger towards where it stands"),
-        ("a joint comes within 2.0 deg of its limit", "towards where the fingers stand"),
-        ("finger_3 comes to the end of its workspace", "towards where the fingers stand"),
-        ("the contacts cannot carry the load", "friction"),
+        (Refusal(RefusalKind.NEAR_STANDING, ("finger_1/tip", "obstacle_1"), 0.0012), "shrink"),
+        (Refusal(RefusalKind.NEAR_FINGER, ("finger_1/tip", "finger_2/tip")), "apart"),
+        (
+            Refusal(RefusalKind.NEAR_ITSELF, ("finger_2/link_2", "finger_2/link_4"), -0.0006),
+            "of this finger towards where it stands",
+        ),
+        (Refusal(RefusalKind.JOINT_LIMIT, ("finger_1",), 0.03), "towards where the fingers stand"),
+        (Refusal(RefusalKind.OUT_OF_REACH, ("finger_3",)), "towards where the fingers stand"),
+        (Refusal(RefusalKind.LOAD), "friction"),
     ],
 )
-def test_cures_belong_to_refusals(refusal: str, word: str) -> None:
-    assert word in suggest_cure(refusal)
+def test_cures_belong_to_refusals(refusal: Refusal, word: str) -> None:
+    """What a refusal follows from decides, however many others were made of it."""
+    on_way = Refusal(RefusalKind.ON_WAY, because=(refusal,))
+    whole = Refusal(RefusalKind.CANNOT_TAKE_GOAL, ("finger_1",), because=(on_way,))
+    for one in (refusal, on_way, whole):
+        assert word in suggest_cure(one).text
+        assert not suggest_cure(one).is_checked

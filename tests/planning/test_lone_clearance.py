@@ -10,8 +10,10 @@ from dexplan.icosphere import build_icosphere
 from dexplan.kinematics.spherical_wrist import solve_tip_pose
 from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.admissible.aligned import build_aligned
+from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import LEVEL, LoneClearance, remember_clearances
+from dexplan.plans.refusal import Refusal
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, make_pose
 
@@ -25,18 +27,21 @@ def barred() -> HandModel:
     return pipeline.build_hand(problem, pipeline.build_scene(problem))
 
 
-def probe(hand: HandModel, finger: int, center: Array, normal: Array, gap: float) -> str:
-    """Return what the probe itself says of the finger at ``gap`` [m] over the ball, the others away; "" out of reach."""
+def probe(hand: HandModel, finger: int, center: Array, normal: Array, gap: float) -> Refusal | None:
+    """Return what the probe itself says of the finger at ``gap`` [m] over the ball, the others away; None out of reach."""
     X = build_aligned(hand, finger, center, normal[None])
     X[:, :3, 3] += gap * normal
     q, reached = solve_tip_pose(hand.workspaces[finger], X)
     if not reached[0]:
-        return ""
+        return None
     posture = hand.q_home.copy()
     posture[finger] = q[0]
     touching, others = () if gap else (finger,), tuple({0, 1, 2} - {finger})
-    clearance, names = hand.probe.compute_clearance(posture, make_pose(p=center), touching, others)
-    return f"{names} too near" if clearance < hand.limits.clearance else ""
+    nearest, needed = (
+        hand.probe.find_nearest(posture, make_pose(p=center), touching, others),
+        hand.limits.clearance,
+    )
+    return refuse_nearness(nearest, needed) if nearest.distance < needed else None
 
 
 def test_directions_of_the_grid_get_the_probe_s_own_answer(barred: HandModel) -> None:
@@ -47,7 +52,7 @@ def test_directions_of_the_grid_get_the_probe_s_own_answer(barred: HandModel) ->
     over = [probe(barred, finger, center, n, barred.hover) for n in normals]
     assert touch == exact
     assert land == [a or b for a, b in zip(exact, over, strict=True)]
-    assert any("obstacle_1" in refusal for refusal in touch)
+    assert any(refusal is not None and "obstacle_1" in refusal.subject for refusal in touch)
     # Somewhere a finger may stand but not come from.
     assert any(b and not a for a, b in zip(touch, land, strict=True))
 
@@ -74,7 +79,7 @@ def test_answers_do_not_depend_on_what_was_asked_before(barred: HandModel) -> No
     assert at_once[0, 0] != at_once[2, 0]
     lone = LoneClearance(barred)
     lone.refuse_contact(0, other, asked[:7])
-    answers: dict[tuple[int, int], list[str]] = {key: [""] * len(asked) for key in at_once}
+    answers: dict[tuple[int, int], list[Refusal | None]] = {key: [None] * len(asked) for key in at_once}
     order = np.random.default_rng(3).permutation(len(asked))
     for j in order.tolist():
         for f, k in reversed(at_once):

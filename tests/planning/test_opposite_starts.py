@@ -14,8 +14,9 @@ from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.rolling.roll_gait import RollToPair
 from dexplan.planning.tasks.pair_roll import PairRolls
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
+from dexplan.plans.contacts import Placement
 from dexplan.plans.goal import RotationGoal
-from dexplan.plans.plan import Placement, Plan
+from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array, direction_from_angles
 
@@ -138,6 +139,6 @@ def test_what_rolling_cannot_help_is_said(hands: dict[float, HandModel]) -> None
 def test_a_roll_of_a_pair_says_so(hands: dict[float, HandModel]) -> None:
     plan = ask(hands[0.030], ((-30.0, 0.0), (150.0, 0.0), None), 90.0)
     roll = plan.actions[1]
-    assert (roll.kind, roll.grasping, roll.angle) == ("roll", (0, 1), 0.0)
+    assert (roll.name, roll.grasping, roll.motion.angle) == ("roll", (0, 1), 0.0)
     assert "no gait was found from the start contacts" in roll.why
     assert "roll" in plan.explain()

@@ -12,6 +12,7 @@ from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.orbits import Orbit, _measure_windows, build_fixed_orbit, build_orbits
+from dexplan.planning.gait.stops import StopKind
 from dexplan.plans.motion import STEP
 from dexplan.spatial import Array, direction_from_angles, make_pose, rotate_about
 
@@ -83,14 +84,14 @@ def test_a_finger_gets_through_all_of_its_run_and_not_farther(
         # One station more would not do, for the reason that is given.
         here = (landed + leg.sense * int(orbit.carry[landed])) % count
         beyond = (here + leg.sense) % count
-        if orbit.limit[landed] == "the limit of its last joint":
+        if orbit.limit[landed].kind is StopKind.LAST_JOINT:
             step = orbit.q[beyond, -1] - orbit.q[here, -1]
             ends = np.append(q[:, -1], q[-1, -1] + np.mod(step + np.pi, 2.0 * np.pi) - np.pi)
             assert np.ptp(ends) > room - 1e-9
-        elif orbit.limit[landed] == "a singular posture" and orbit.is_reached[beyond]:
+        elif orbit.limit[landed].kind is StopKind.SINGULAR and orbit.is_reached[beyond]:
             turn = np.abs(orbit.q[beyond, :-1] - orbit.q[here, :-1]).max()
             assert turn > 0.30
-        elif orbit.limit[landed] != "a whole turn":
+        elif orbit.limit[landed].kind is not StopKind.WHOLE_TURN:
             assert not orbit.is_reached[beyond]
     for landed in np.flatnonzero(~orbit.is_reached).tolist():
         assert orbit.carry[landed] == 0
@@ -116,7 +117,7 @@ def test_a_contact_that_stands_sees_only_its_leg_and_stays_on_its_branch(
     wound = q[0] + 2.0 * np.pi * np.eye(6)[-1]
     there = build_fixed_orbit(hand, leg, 0, X_WF, normal, wound)
     assert not there.is_reached[0]
-    assert there.limit[0] == "the limit of its last joint"
+    assert str(there.limit[0]) == "the limit of its last joint"
     # Beyond the leg's own stations nothing was asked, so nothing is known.
     behind = leg.sense * np.arange(leg.stations + 1, len(free.q))
     assert np.isnan(free.q[behind]).all()

@@ -57,7 +57,7 @@ def test_three_fingers_of_which_no_two_hold_begin_with_rolling(problem: Problem)
     plan = pipeline.plan(start_from(problem, (0.0, 0.0), (120.0, 0.0), (240.0, 0.0)))
     assert plan.is_solved, plan.reason
     assert all(contact is not None for contact in plan.start_contacts)
-    kinds = [action.kind for action in plan.actions]
+    kinds = [action.name for action in plan.actions]
     assert "roll" in kinds
     assert kinds.index("roll") < kinds.index("lift")
 
@@ -87,10 +87,10 @@ def test_goal_out_of_the_workspaces(problem: Problem) -> None:
 def test_holding_still_needs_no_pair_to_lift_from(name: str) -> None:
     plan = pipeline.plan(load_problem(name))
     assert plan.is_solved, plan.reason
-    assert {a.kind for a in plan.actions} == {"hold"}
+    assert {a.name for a in plan.actions} == {"hold"}
 
 
 def test_turn_within_reach_needs_no_placement(problem: Problem) -> None:
     near = replace(problem, goal=replace(problem.goal, rotation=Rotation((0.0, 0.0, 1.0), 20.0)))
     plan = pipeline.plan(near)
-    assert [a.kind for a in plan.actions] == ["hold", "move_object", "hold"]
+    assert [a.name for a in plan.actions] == ["hold", "move_object", "hold"]

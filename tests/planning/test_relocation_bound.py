@@ -15,8 +15,8 @@ from dexplan.planning.regrasp.layers import Layers
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.search import AdjustmentSearch
 from dexplan.planning.regrasp.still import Stand, build_landings
+from dexplan.plans.contacts import Placement
 from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import Placement
 from dexplan.spatial import VERTICAL, Array, direction_from_angles
 
 GOAL = tuple(direction_from_angles(azimuth, 0.0) for azimuth in (-35.0, 120.0, 200.0))

@@ -31,7 +31,7 @@ def plan(problem: Problem) -> Plan:
 
 def test_one_pair_moves_the_object(hand: HandModel, plan: Plan) -> None:
     assert plan.is_solved, plan.reason
-    moves = [a.grasping for a in plan.actions if a.kind == "move_object"]
+    moves = [a.grasping for a in plan.actions if a.name == "move_object"]
     assert len(moves) >= 2
     assert len(set(moves)) == 1
     assert len(moves[0]) == 2
@@ -39,18 +39,18 @@ def test_one_pair_moves_the_object(hand: HandModel, plan: Plan) -> None:
 
 
 def test_actions_between_moves_say_that_they_rewind(plan: Plan) -> None:
-    moves = [k for k, a in enumerate(plan.actions) if a.kind == "move_object"]
+    moves = [k for k, a in enumerate(plan.actions) if a.name == "move_object"]
     between = plan.actions[moves[0] + 1 : moves[-1]]
-    relocations = [a for a in between if a.kind in ("place", "lift")]
+    relocations = [a for a in between if a.name in ("place", "lift")]
     assert relocations
     assert all(a.why.startswith("finger rewind: ") for a in relocations)
 
 
 def test_substitution_needs_fewer_placements(full_turn: Plan, plan: Plan) -> None:
     """As the paper observes [paper §2.2]."""
-    counts = [sum(a.kind == "place" for a in p.actions) for p in (full_turn, plan)]
+    counts = [sum(a.name == "place" for a in p.actions) for p in (full_turn, plan)]
     assert counts[0] < counts[1]
 
 
 def test_a_turn_that_the_pair_can_make_alone_needs_no_rewind(problem: Problem) -> None:
-    assert [a.kind for a in rewind(problem, 40.0).actions] == ["hold", "move_object", "hold"]
+    assert [a.name for a in rewind(problem, 40.0).actions] == ["hold", "move_object", "hold"]

@@ -12,9 +12,11 @@ from dexplan.planning.admissible.admissibility import Admissibility, FingerState
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.rolling.roll_gait import FOLLOW, RollToPair
-from dexplan.plans.plan import Placement
+from dexplan.plans.contacts import Placement
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.spatial import direction_from_angles
 
+TOO_MANY = Refusal(RefusalKind.LOAD, words="too many fingers")
 WIDER = float(np.radians(20.0))
 
 
@@ -23,7 +25,7 @@ class Crowded(Admissibility):
 
     def compute_margins_of(self, states: dict[int, FingerState], *rest: Any, **named: Any) -> Margins:
         found = super().compute_margins_of(states, *rest, **named)
-        return replace(found, refusal="too many fingers") if len(states) > 2 else found
+        return replace(found, refusal=TOO_MANY) if len(states) > 2 else found
 
 
 def place(hand: HandModel, third: float) -> list[Placement]:
@@ -46,7 +48,7 @@ def test_a_finger_exactly_opposite_has_no_side_to_follow(hand: HandModel, third:
     assert is_opposite == (tried == 1)
     search = RollToPair(hand, hand.object.X_WO_home, tuple(contacts), Crowded(hand))
     assert search.open_pair(contacts[0], contacts[1], contacts[2], WIDER) is None
-    assert search.refusals == {"too many fingers": tried}
+    assert search.refusals.counts == [(TOO_MANY, tried)]
 
 
 def test_it_stays_where_that_is_admissible(hand: HandModel) -> None:

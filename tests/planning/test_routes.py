@@ -101,7 +101,7 @@ def test_start_contacts_may_be_whole_poses(hand: HandModel, full_turn: Plan) -> 
         if given_pose is not None:
             assert contact is not None
             assert np.allclose(contact.X_OF, given_pose, atol=1e-6)
-    assert sum(a.kind == "place" for a in plan.actions) >= 1
+    assert sum(a.name == "place" for a in plan.actions) >= 1
     assert Recheck(hand, plan).faults == []
 
 

@@ -124,7 +124,7 @@ def test_no_gait_where_the_third_finger_holds_with_neither(hand: HandModel) -> N
     assert "(finger 3 can touch the object nowhere)" in answer.reason
     near, far = turn(short, (-38.0, 102.0), 20.0), turn(short, (-38.0, 102.0), 360.0)
     assert near.is_solved
-    assert all(a.kind != "place" for a in near.actions)
+    assert all(a.name != "place" for a in near.actions)
     assert far.status == "no_gait"
 
 
@@ -132,7 +132,7 @@ def test_theorem_1_holds_whenever_a_finger_is_placed(hand: HandModel, full_turn:
     placed = 0
     before = full_turn.start_contacts
     for action in full_turn.actions:
-        if action.kind == "place":
+        if action.name == "place":
             i, j = action.grasping
             (k,) = {0, 1, 2} - {i, j}
             assert k == action.finger

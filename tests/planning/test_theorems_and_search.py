@@ -118,7 +118,7 @@ def test_nobody_lands_where_theorem_1_fails(hand: HandModel, sliding: float, cou
         found = any(table.landings(asked))
         counts[answer.is_met, found] += 1
         # And the search does ask it, in the same words.
-        assert (table.check_theorem_1(pair, 0) == "") == answer.is_met
+        assert (table.check_theorem_1(pair, 0) is None) == answer.is_met
     assert counts[False, True] == 0, counts
     assert sum(counts.values()) == count
     if sliding < 0.5:
@@ -133,7 +133,7 @@ def check_placements(hand: HandModel, plan: Plan) -> int:
     """Return how many fingers a plan places; Theorem 1 holds whenever one is."""
     before, placed = plan.start_contacts, 0
     for action in plan.actions:
-        if action.kind == "place":
+        if action.name == "place":
             i, j = action.grasping
             x = [c.normal_O for c in before if c is not None]
             regions = compute_regions(hand, action.X_WO_start)
@@ -159,8 +159,8 @@ def test_a_start_where_theorem_1_fails_begins_no_gait(hand: HandModel) -> None:
             continue
         asked += 1
         if plan.is_solved:
-            first = [a.kind for a in plan.actions].index("place")
-            assert any(a.kind == "move_object" and a.angle for a in plan.actions[:first])
+            first = [a.name for a in plan.actions].index("place")
+            assert any(a.name == "move_object" and a.motion.angle for a in plan.actions[:first])
             check_placements(few, plan)
         else:
             assert plan.status == "no_gait"

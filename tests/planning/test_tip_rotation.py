@@ -17,7 +17,7 @@ from dexplan.contact.surfaces.shapes import Sphere
 from dexplan.planning.admissible.tip_rotation import measure_rotation, trace_on_tip
 from dexplan.planning.rolling.roll_gait import as_roll, follow_roll
 from dexplan.planning.rolling.rolling_carry import build_carry_roll
-from dexplan.plans.roll import Roll
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, make_pose, rotate_about
 from dexplan.witness.rolling import Stand, build_roll_problem, compute_heading
 
@@ -88,7 +88,7 @@ class TestHand:
     """A finger of the hand rolls triangles on the ball that it holds."""
 
     @staticmethod
-    def legs(stand: Stand, leg: float, apex: float) -> list[Roll]:
+    def legs(stand: Stand, leg: float, apex: float) -> list[TipRoll]:
         triangle = RollingTriangle(TIP, BALL, np.radians(leg), np.radians(apex))
         path = triangle.roll(stand.start.X_OF, compute_heading(stand.start, 0.0), 61)
         return [as_roll(stand.start.finger, path, k) for k in range(3)]

@@ -58,11 +58,11 @@ def test_second_opinion_catches_a_tampered_plan(hand: HandModel, full_turn: Plan
         return "; ".join(Recheck(hand, replace(full_turn, **changes)).faults)
 
     hold, move, place, lift = full_turn.actions[:4]
-    assert (hold.kind, move.kind, place.kind, lift.kind) == ("hold", "move_object", "place", "lift")
+    assert (hold.name, move.name, place.name, lift.name) == ("hold", "move_object", "place", "lift")
     assert find_faults(actions=(hold, move, place)) == ""
 
-    longer = replace(move, angle=move.angle + np.radians(4.0))
-    assert "does not end where it says" in find_faults(actions=(hold, longer))
+    further = replace(move.motion, angle=move.motion.angle + np.radians(4.0))
+    assert "begins elsewhere" in find_faults(actions=(hold, replace(move, motion=further), place))
     assert "begins elsewhere" in find_faults(actions=(hold, place))
     assert "ends with other contacts" in find_faults(actions=(hold, replace(move, contacts_end=(None,) * 3)))
     wrong = replace(place, grasping=(0, 1, 2))

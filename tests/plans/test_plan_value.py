@@ -12,7 +12,9 @@ import pytest
 from dexplan import pipeline
 from dexplan.errors import RunFolderError
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.plans.plan import MAY, MUST, MUST_NOT, Plan
+from dexplan.plans.actions import Relocate
+from dexplan.plans.phases import MAY, MUST, MUST_NOT
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.spatial import rotate_about
 
@@ -70,14 +72,14 @@ def test_explanation_mentions_every_action(full_turn: Plan) -> None:
         assert action.why in line
         for finger in action.grasping:
             assert full_turn.fingers[finger] in line
-        if action.finger is not None:
-            assert f"{action.kind} {full_turn.fingers[action.finger]} at azimuth" in line
-        if action.kind == "move_object":
-            assert f"{np.degrees(action.angle):.1f} deg" in line
+        if isinstance(action, Relocate):
+            assert f"{action.name} {full_turn.fingers[action.finger]} at azimuth" in line
+        if action.name == "move_object":
+            assert f"{np.degrees(action.motion.angle):.1f} deg" in line
 
 
 def test_explanation_says_by_how_much_the_object_is_shifted(full_turn: Plan) -> None:
-    k, move = next((k, a) for k, a in enumerate(full_turn.actions) if a.kind == "move_object")
+    k, move = next((k, a) for k, a in enumerate(full_turn.actions) if a.name == "move_object")
     assert "shift" not in full_turn.explain()
     for shift, angle, words in (
         ([0.0, 0.002, -0.09], 0.0, "shift the object by (0.0, 2.0, -90.0) mm, held by"),
@@ -87,13 +89,8 @@ def test_explanation_says_by_how_much_the_object_is_shifted(full_turn: Plan) -> 
             "turn the object by 28.6 deg about (0.00, 0.00, 1.00) and shift it by (5.0, 0.0, 0.0) mm, held by",
         ),
     ):
-        X_WO = move.X_WO_start.copy()
-        X_WO[:3, 3] += shift
-        actions = (
-            *full_turn.actions[:k],
-            replace(move, angle=angle, X_WO_end=X_WO),
-            *full_turn.actions[k + 1 :],
-        )
+        shifted = replace(move, motion=replace(move.motion, angle=angle, shift_W=np.array(shift)))
+        actions = (*full_turn.actions[:k], shifted, *full_turn.actions[k + 1 :])
         assert words in replace(full_turn, actions=actions).explain()
 
 
@@ -106,7 +103,7 @@ def test_every_phase_makes_a_demand_on_every_finger(full_turn: Plan) -> None:
             assert set(phase.touch) <= {MUST, MAY, MUST_NOT}
             # Only the finger that is placed or lifted may change, the others do as they did.
             for finger, demand in enumerate(phase.touch):
-                if finger != action.finger:
+                if not isinstance(action, Relocate) or finger != action.finger:
                     assert demand == (MUST_NOT if before[finger] is None else MUST)
         after = [c is not None for c in action.contacts_end]
         assert [demand == MUST for demand in action.phases[-1].touch] == after
@@ -124,11 +121,9 @@ def test_contacts_change_only_by_placing_and_lifting(full_turn: Plan) -> None:
                 assert np.array_equal(old.X_OF, new.X_OF)
                 assert np.array_equal(old.point_O, new.point_O)
                 assert new.finger == finger
-        assert changed == ([] if action.finger is None else [action.finger])
-        if action.kind == "place":
-            assert action.contacts_end[action.finger or 0] is not None
-        if action.kind == "lift":
-            assert action.contacts_end[action.finger or 0] is None
+        assert changed == ([action.finger] if isinstance(action, Relocate) else [])
+        if isinstance(action, Relocate):
+            assert (action.contacts_end[action.finger] is not None) == action.is_placing
         # Whoever is said to hold throughout did hold, and does still.
         for finger in action.grasping:
             assert before[finger] is not None
@@ -141,14 +136,14 @@ def test_object_poses_chain_to_the_goal(full_turn: Plan) -> None:
     actions = full_turn.actions
     assert np.array_equal(actions[0].X_WO_start, full_turn.X_WO_start)
     for one, other in pairwise(actions):
-        assert np.array_equal(one.X_WO_end, other.X_WO_start)
+        assert np.allclose(one.X_WO_end, other.X_WO_start, atol=1e-12)
     for action in actions:
-        turned = rotate_about(action.axis_W, action.angle) @ action.X_WO_start[:3, :3]
+        turned = rotate_about(action.motion.axis_W, action.motion.angle) @ action.X_WO_start[:3, :3]
         assert np.allclose(turned, action.X_WO_end[:3, :3], atol=1e-12)
     assert np.allclose(actions[-1].X_WO_end, full_turn.X_WO_goal, atol=1e-12)
     # A whole turn is not nothing: the turns add up to it.
     assert full_turn.turned_angle == pytest.approx(2.0 * np.pi)
-    assert sum(a.angle for a in actions) == pytest.approx(full_turn.turned_angle, abs=1e-9)
+    assert sum(a.motion.angle for a in actions) == pytest.approx(full_turn.turned_angle, abs=1e-9)
 
 
 def test_fingers_keep_their_order_in_every_grasp(hand: HandModel, full_turn: Plan) -> None:

@@ -11,7 +11,6 @@ import pytest
 from dexplan import pipeline
 from dexplan.errors import ProblemError
 from dexplan.planning.admissible.carry import follow_object
-from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
@@ -67,8 +66,7 @@ def compute_plan_clearance(problem: Problem, plan: Plan) -> tuple[float, str]:
     least, names, before = np.inf, "", plan.start_contacts
     postures = {c.finger: c.q for c in before if c is not None}
     for action in plan.actions:
-        motion = ObjectMotion(action.X_WO_start, action.axis_W, action.angle, np.zeros(3))
-        poses = motion.poses() if action.kind == "move_object" else action.X_WO_start[None]
+        poses = action.motion.poses() if action.name == "move_object" else action.X_WO_start[None]
         held = [replace(c, q=postures[c.finger]) for c in before if c is not None]
         ways = {c.finger: follow_object(hand, c, poses)[0] for c in held}
         for k, X_WO in enumerate(poses):

@@ -14,6 +14,7 @@ from dexplan.contact.surfaces.flat import Cylinder
 from dexplan.control.controller import Controller
 from dexplan.control.reference import Reference
 from dexplan.errors import DexplanError
+from dexplan.plans.timing import Touchdown
 from dexplan.problems.read import load_problem
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import SceneParameters
@@ -73,7 +74,7 @@ def test_planner_and_controller_refuse_what_is_no_ball(scene: Scene, surface: El
     accepted = f"of kind {type(surface).__name__}, and a Sphere is accepted"
     with pytest.raises(DexplanError, match=f"planning takes .*{accepted}"):
         replace(hand, object=other)
-    nothing = Reference((), (), 5.0, pipeline.build_timing(problem))
+    nothing = Reference((), (), 5.0, Touchdown())
     options = pipeline.build_options(problem)
     with pytest.raises(DexplanError, match=f"the controller takes .*{accepted}"):
         Controller(replace(scene, object=other), nothing, options)

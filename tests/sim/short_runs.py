@@ -9,10 +9,12 @@ import numpy as np
 
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
-from dexplan.control.reference import Reference, Timing, build_reference
+from dexplan.control.reference import Reference, build_reference
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.gait.steps import Step
-from dexplan.plans.plan import SOLVED, Plan
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
+from dexplan.plans.timing import Timing
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.scene.scene import Scene
@@ -60,7 +62,8 @@ def plan_of(problem: Problem) -> Plan:
         step = Step(contacts, plan.X_WO_start, plan.X_WO_start, 0.0, None, None, (None, "the goal"))
         assert plan.axis_W is not None
         actions = build_actions([step], plan.start_contacts, plan.axis_W)
-        return replace(plan, status=SOLVED, reason="", actions=actions)
+        solved = replace(plan, status=Status.SOLVED, reason="", actions=actions)
+        return pipeline.time_plan(problem, solved)
     assert plan.is_solved, plan.reason
     return plan
 
@@ -79,9 +82,7 @@ def report_of(problem: Problem, timing: Timing | None = None) -> ValidationRepor
 
 def build_plan_reference(problem: Problem, plan: Plan, timing: Timing | None = None) -> Reference:
     """Return the plan's reference, with the problem's timing unless another is given."""
-    return build_reference(
-        plan, pipeline.build_scene(problem).fingers, timing or pipeline.build_timing(problem)
-    )
+    return build_reference(pipeline.time_plan(problem, plan, timing))
 
 
 def simulate(

@@ -28,8 +28,8 @@ def test_simultaneous_motion_passes_every_check() -> None:
         },
     )
     plan = pipeline.plan(problem)
-    assert [a.kind for a in plan.actions] == ["hold", "move_object", "place", "hold"]
-    assert plan.actions[1].finger == 2
+    assert [a.name for a in plan.actions] == ["hold", "move_object", "place", "hold"]
+    assert [way.finger for way in plan.actions[1].ways] == [2]
     report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan))
     assert report.is_passed, report.table()
     value = report["contact_error_final"].value

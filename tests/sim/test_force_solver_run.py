@@ -11,8 +11,8 @@ from short_runs import build_plan_reference, plan_of
 
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
-from dexplan.control.reference import Timing
 from dexplan.grasp.force.solver import ForceSolution, ForceSolver
+from dexplan.plans.timing import Timing
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.record.rollout import rollout

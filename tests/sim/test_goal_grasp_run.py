@@ -16,7 +16,7 @@ def run(goal: dict[str, object]) -> tuple[list[str], ValidationReport]:
     plan = pipeline.plan(problem)
     assert plan.is_solved, plan.reason
     trace = pipeline.rollout(problem, plan, seed=problem.seed)
-    return [a.kind for a in plan.actions], pipeline.validate(problem, plan, trace)
+    return [a.name for a in plan.actions], pipeline.validate(problem, plan, trace)
 
 
 def values(report: ValidationReport) -> dict[str, float]:

@@ -24,7 +24,8 @@ from short_runs import (
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
-from dexplan.plans.plan import Plan, PlannedPhase
+from dexplan.plans.phases import PlannedPhase
+from dexplan.plans.plan import Plan
 from dexplan.problems.problem import AllowedRegion, Problem
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.library import load_scene_with
@@ -57,11 +58,10 @@ def rerun(problem: Problem, plan: Plan, **changes: float) -> Trace:
 def lift_wrong_finger(plan: Plan) -> Plan:
     """Return the plan with the first lift taking the partner instead, and everything after it as that leaves it."""
     actions = list(plan.actions)
-    index = next(k for k, action in enumerate(actions) if action.kind == "lift")
+    index = next(k for k, action in enumerate(actions) if action.name == "lift")
     right, before = actions[index].finger, actions[index - 1].contacts_end
     placed = actions[index - 1].finger
     wrong = next(k for k, c in enumerate(before) if c is not None and k not in (right, placed))
-    assert right is not None
     after = tuple(None if k == wrong else c for k, c in enumerate(before))
     order = list(range(len(after)))
     order[right], order[wrong] = wrong, right
@@ -72,12 +72,12 @@ def lift_wrong_finger(plan: Plan) -> Plan:
     for k in range(index, len(actions)):
         actions[k] = replace(
             actions[k],
-            finger=wrong if k == index else actions[k].finger,
+            **({"finger": wrong} if k == index else {}),
             grasping=tuple(i for i, c in enumerate(after) if c is not None),
             contacts_end=after,
             phases=tuple(map(exchange, actions[k].phases)),
         )
-    return replace(plan, actions=tuple(actions))
+    return pipeline.time_plan(turn_problem(), replace(plan, actions=tuple(actions)))
 
 
 def without_phases(reference: Reference, *names: str) -> Reference:

@@ -15,8 +15,9 @@ from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.rolling.roll_gait import as_roll, build_roll
 from dexplan.planning.rolling.rolling_carry import plan_rolling_turn
+from dexplan.plans.motion import rest_at
 from dexplan.plans.plan import Plan
-from dexplan.plans.roll import Roll
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace
@@ -59,17 +60,17 @@ def with_way(reference: Reference, change: object) -> Reference:
     return replace(reference, phases=tuple(phases))
 
 
-def without_turning(roll: Roll) -> Roll:
+def without_turning(roll: TipRoll) -> TipRoll:
     """The tip goes where it should but keeps its attitude: it has to slide."""
     X = roll.X_OF.copy()
     X[:, :3, :3] = X[0, :3, :3]
-    return Roll(roll.finger, X, roll.normal_O)
+    return TipRoll(roll.finger, X, roll.normal_O)
 
 
-def half_way(roll: Roll) -> Roll:
+def half_way(roll: TipRoll) -> TipRoll:
     """The tip rolls well, but only half as far as planned."""
     rows = [roll.sample(s) for s in np.linspace(0.0, 0.5, roll.count)]
-    return Roll(roll.finger, np.stack([X for X, _ in rows]), np.stack([n for _, n in rows]))
+    return TipRoll(roll.finger, np.stack([X for X, _ in rows]), np.stack([n for _, n in rows]))
 
 
 def test_tip_rolls_where_theory_says(problem: Problem, plan: Plan, trace: Trace) -> None:
@@ -110,11 +111,11 @@ def test_tip_that_rolls_elsewhere_is_caught(problem: Problem, plan: Plan) -> Non
     )
 
 
-def lifted(roll: Roll) -> Roll:
+def lifted(roll: TipRoll) -> TipRoll:
     """The way leaves the ball by 4 mm."""
     X = roll.X_OF.copy()
     X[:, :3, 3] += np.linspace(0.0, 4e-3, roll.count)[:, None] * roll.normal_O
-    return Roll(roll.finger, X, roll.normal_O)
+    return TipRoll(roll.finger, X, roll.normal_O)
 
 
 def test_force_not_position_keeps_the_rolling_tip_on_the_ball(problem: Problem, plan: Plan) -> None:
@@ -167,15 +168,16 @@ def test_object_turns_on_rolling_contacts() -> None:
     )
     assert turn.action is not None
     assert turn.limit == ""
-    end = {"X_WO_start": turn.action.X_WO_end, "X_WO_end": turn.action.X_WO_end, "axis_W": up, "angle": 0.0}
-    last = build_hold(list(turn.action.contacts_end), end, "the goal is reached")
+    end = rest_at(turn.action.X_WO_end, up)
+    last = build_hold(turn.action.contacts_end, end, "the goal is reached")
     plan = replace(
         still,
         actions=(still.actions[0], turn.action, last),
         X_WO_goal=turn.action.X_WO_end,
         axis_W=up,
-        turned_angle=turn.action.angle,
+        turned_angle=turn.action.motion.angle,
     )
+    plan = pipeline.time_plan(problem, plan)
     report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan))
     assert report.is_passed, report.table()
     # The contacts went round with the ball by R / (R + r) of its turn, so back on it by the rest; 35 / 18 as far on the tip.

@@ -54,7 +54,7 @@ def test_hold_settles_where_the_forces_were_asked_for() -> None:
 @pytest.mark.parametrize("profile", PROFILES)
 def test_one_substitution_passes_every_check(profile: str) -> None:
     problem = turn_problem(profile)
-    assert {"place", "lift"} <= {action.kind for action in plan_of(problem).actions}
+    assert {"place", "lift"} <= {action.name for action in plan_of(problem).actions}
     report = report_of(problem)
     assert report.is_passed, report.table()
 

@@ -62,7 +62,7 @@ def test_planner_rolls_where_no_pair_holds(sliding: float) -> None:
     plan = pipeline.plan(problem)
     assert plan.is_solved, plan.reason
     # within reach of three fixed contacts nothing has to roll; a whole turn has to begin with it
-    assert [a.kind for a in plan.actions] == ["hold", "move_object", "hold"]
+    assert [a.name for a in plan.actions] == ["hold", "move_object", "hold"]
     whole = pipeline.plan(load_problem("fig3_rewind", {"friction.sliding": sliding}))
     assert whole.is_solved, whole.reason
-    assert [a.kind for a in whole.actions[:3]] == ["hold", "roll", "lift"]
+    assert [a.name for a in whole.actions[:3]] == ["hold", "roll", "lift"]

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.image import imread
 from turning_run import make_plan, make_trace
 
-from dexplan.plans.plan import GoalContact
+from dexplan.plans.contacts import GoalContact
 from dexplan.spatial import Array
 from dexplan.viz.frames import draw_frames
 from dexplan.viz.palette import as_rgb, get_finger_color

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from dexplan.plans.plan import MAY, MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
+from dexplan.plans.actions import Hold, MoveObject, Relocate
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.motion import ObjectMotion, rest_at
+from dexplan.plans.phases import MAY, MUST, MUST_NOT, PlannedPhase
+from dexplan.plans.plan import Plan
 from dexplan.scene.library import load_scene
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, as_pose7, build_frame, direction_from_angles, make_pose, rotate_about
@@ -26,39 +31,26 @@ def make_plan(turn_deg: float = 90.0) -> Plan:
     after = (None, *three[1:])
     both = (MUST, MUST, MUST_NOT)
 
-    def action(
-        kind: str, start: Array, end: Array, contacts: tuple, phases: tuple, **changes: object
-    ) -> Action:
-        named = tuple(PlannedPhase(*phase) for phase in phases)
-        values = {"finger": None, "grasping": (0, 1), "angle": 0.0, **changes}
-        return Action(
-            kind=kind,
-            X_WO_start=start,
-            X_WO_end=end,
-            axis_W=AXIS,
-            contacts_end=contacts,
-            phases=named,
-            why="made by hand",
-            **values,
-        )
+    def values(motion: ObjectMotion, contacts: Contacts, phases: tuple, **changes: object) -> dict[str, Any]:
+        return {
+            "motion": motion,
+            "grasping": (0, 1),
+            "contacts_end": contacts,
+            "phases": tuple(PlannedPhase(*phase) for phase in phases),
+            "why": "made by hand",
+            **changes,
+        }
 
     placing = (("travel", both), ("approach", (MUST, MUST, MAY)), ("load", (MUST, MUST, MUST)))
     lifting = (("unload", (MAY, MUST, MUST)), ("travel", (MUST_NOT, MUST, MUST)))
     angle = np.radians(turn_deg)
+    turn = ObjectMotion(home, AXIS, angle, np.zeros(3))
+    limit = {"limiting_finger": 1, "limit": "tip_rotation"}
     actions = (
-        action("hold", home, home, before, (("hold", both),)),
-        action(
-            "move_object",
-            home,
-            turned,
-            before,
-            (("turn", both),),
-            angle=angle,
-            limiting_finger=1,
-            limit="tip_rotation",
-        ),
-        action("place", turned, turned, three, placing, finger=2),
-        action("lift", turned, turned, after, lifting, finger=0, grasping=(1, 2)),
+        Hold(**values(rest_at(home), before, (("hold", both),))),
+        MoveObject(**values(turn, before, (("turn", both),), **limit)),
+        Relocate(**values(rest_at(turned), three, placing, finger=2)),
+        Relocate(**values(rest_at(turned), after, lifting, finger=0, grasping=(1, 2))),
     )
     names = tuple(finger.name for finger in load_scene().fingers)
     return Plan(

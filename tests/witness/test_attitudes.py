@@ -94,7 +94,7 @@ def test_an_attempt_is_what_the_pipeline_plans(
     posed = done.question.as_problem(problem)
     same = pipeline.plan(posed)
     assert same.is_solved
-    kinds = [[(a.kind, a.finger, round(a.angle, 6)) for a in p.actions] for p in (done.plan, same)]
+    kinds = [[(a.name, a.grasping, round(a.motion.angle, 6)) for a in p.actions] for p in (done.plan, same)]
     assert same.statistics["first_cost"] == pytest.approx(done.plan.statistics["cost"], abs=1e-6)
     assert kinds[0][0] == kinds[1][0]
 

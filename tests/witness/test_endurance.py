@@ -60,7 +60,7 @@ def test_attitudes_are_far_apart() -> None:
 
 def test_a_chain_is_one_plan_without_gaps(chain: Chain) -> None:
     assert (len(chain.goals), chain.asked, chain.reason) == (3, 3, "")
-    assert [a.kind for a in chain.plan.actions] == ["hold", *["move_object", "hold"] * 3]
+    assert [a.name for a in chain.plan.actions] == ["hold", *["move_object", "hold"] * 3]
     assert [g.last_action for g in chain.goals] == [2, 4, 6]
     for a, b in zip(chain.plan.actions, chain.plan.actions[1:], strict=False):
         np.testing.assert_allclose(a.X_WO_end, b.X_WO_start, atol=1e-12)

@@ -7,8 +7,11 @@ from dataclasses import replace
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states, worst
 from dexplan.planning.admissible.carry import follow_object, judge_carry, spin_tip
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.actions import MoveObject
+from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plans.phases import PlannedPhase, demand_touch
+from dexplan.plans.refusal import Refusal
 
 
 def center_spin(hand: HandModel, placement: Placement, motion: ObjectMotion) -> Placement:
@@ -27,10 +30,10 @@ def center_spin(hand: HandModel, placement: Placement, motion: ObjectMotion) -> 
 def plan_coordinated(
     hand: HandModel,
     admissibility: Admissibility,
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     motion: ObjectMotion,
     why: str,
-) -> tuple[Action | None, str]:
+) -> tuple[MoveObject | None, Refusal | None]:
     """Return the action that carries the object through ``motion`` with all ``contacts`` fixed, or why that is not possible."""
     poses = motion.poses()
     ways = {}
@@ -44,17 +47,12 @@ def plan_coordinated(
     rows, refusal = judge_carry(hand, admissibility, states, motion, poses)
     if refusal:
         return None, refusal
-    action = Action(
-        kind="move_object",
-        finger=None,
+    action = MoveObject(
+        motion=motion,
         grasping=tuple(sorted(ways)),
-        X_WO_start=motion.X_WO_start,
-        X_WO_end=poses[-1],
-        axis_W=motion.axis_W,
-        angle=motion.angle,
         contacts_end=tuple(None if c is None else replace(c, q=ways[c.finger][-1]) for c in contacts),
-        phases=(PlannedPhase("move", tuple(MUST_NOT if c is None else MUST for c in contacts)),),
+        phases=(PlannedPhase("move", demand_touch(contacts)),),
         why=why,
         margins=worst(rows),
     )
-    return action, ""
+    return action, None

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
-
-import numpy as np
 
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.carry import follow_object
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.regrasp.moves import Contacts, Move
-from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.planning.regrasp.moves import Move
+from dexplan.plans.actions import Action, FingerWay, Hold, MoveObject, Relocate, Roll
+from dexplan.plans.contacts import Contacts, Placement, list_holding
+from dexplan.plans.motion import ObjectMotion, rest_at
+from dexplan.plans.phases import PlannedPhase, build_lifting, build_placing, demand_touch
 from dexplan.spatial import Array
 
 
@@ -41,66 +40,51 @@ def build_move_actions(moves: tuple[Move, ...], before: Contacts, axis_W: Array)
 
 def _carry(
     moves: tuple[Move, ...], first: ObjectMotion, last: ObjectMotion, before: Contacts, goes_on: bool
-) -> Action:
+) -> MoveObject:
     """Return carries one after another as one motion of the object."""
     rows = [m.margins for m in moves]
-    return Action(
-        kind="move_object",
-        finger=None,
-        grasping=_holding(before),
-        X_WO_start=first.X_WO_start,
-        X_WO_end=last.X_WO_end,
-        axis_W=first.axis_W,
-        angle=len(moves) * first.angle,
+    angle = len(moves) * first.angle
+    return MoveObject(
+        motion=ObjectMotion.between(first.X_WO_start, last.X_WO_end, first.axis_W, angle),
+        grasping=list_holding(before),
         contacts_end=moves[-1].contacts,
-        phases=(PlannedPhase("move", _touch(before)),),
+        phases=(PlannedPhase("move", demand_touch(before)),),
         why="until fingers can be relocated" if goes_on else "until the object is where it should be",
         margins={key: (max if key == "torque_share" else min)(row[key] for row in rows) for key in rows[0]},
     )
 
 
-def _relocate(move: Move, before: Contacts, axis_W: Array) -> Action:
+def _relocate(move: Move, before: Contacts, axis_W: Array) -> Relocate | Roll:
     """Return a placement, lift or roll as an action."""
-    touch, after = _touch(before), _touch(move.contacts)
-    grasping = _holding(before)
+    after, still = move.contacts, rest_at(move.X_WO, axis_W)
     if move.kind == "roll":
-        phases = [PlannedPhase("roll", touch)]
-    else:
-        assert move.finger is not None
-        changing = tuple(MAY if k == move.finger else t for k, t in enumerate(touch))
-        if move.kind == "place":
-            phases = [
-                PlannedPhase("travel", touch),
-                PlannedPhase("approach", changing),
-                PlannedPhase("load", after),
-            ]
-        else:
-            grasping = _holding(move.contacts)
-            phases = [
-                PlannedPhase("unload", touch),
-                PlannedPhase("retreat", changing),
-                PlannedPhase("travel", after),
-            ]
-    return Action(
-        kind=move.kind,
+        return Roll(
+            motion=still,
+            grasping=list_holding(before),
+            contacts_end=after,
+            phases=(PlannedPhase("roll", demand_touch(before)),),
+            why=move.why,
+            margins=move.margins,
+            rolls=move.rolls,
+        )
+    assert move.finger is not None
+    places = move.kind == "place"
+    build_phases = build_placing if places else build_lifting
+    return Relocate(
         finger=move.finger,
-        grasping=grasping,
-        X_WO_start=move.X_WO,
-        X_WO_end=move.X_WO,
-        axis_W=axis_W,
-        angle=0.0,
-        contacts_end=move.contacts,
-        phases=tuple(phases),
+        motion=still,
+        grasping=list_holding(before if places else after),
+        contacts_end=after,
+        phases=build_phases(move.finger, before, after),
         why=move.why,
         margins=move.margins,
-        rolls=move.rolls,
-        way=move.way,
+        ways=() if move.way is None else (FingerWay(move.finger, move.way, is_detour=True),),
     )
 
 
 def without_holds(actions: tuple[Action, ...]) -> tuple[Action, ...]:
     """Return the actions that change something."""
-    return tuple(a for a in actions if a.kind != "hold")
+    return tuple(a for a in actions if not isinstance(a, Hold))
 
 
 def follow_actions(hand: HandModel, contacts: Contacts, actions: tuple[Action, ...]) -> Contacts:
@@ -111,8 +95,7 @@ def follow_actions(hand: HandModel, contacts: Contacts, actions: tuple[Action, .
     for action in actions:
         now: list[Placement | None] = []
         rolled = {roll.finger for roll in action.rolls}
-        shift = action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3]
-        motion = ObjectMotion(action.X_WO_start, action.axis_W, action.angle, shift)
+        motion = action.motion
         for before, after in zip(contacts, action.contacts_end, strict=True):
             if before is None or after is None or after.finger in rolled:
                 now.append(after)
@@ -127,19 +110,10 @@ def follow_actions(hand: HandModel, contacts: Contacts, actions: tuple[Action, .
 
 def enclose(actions: tuple[Action, ...], start: Contacts, X_WO: Array, axis_W: Array) -> tuple[Action, ...]:
     """Return ``actions`` between a hold in which the first grasp settles and one in which the goal is held."""
-    first: dict[str, Any] = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": axis_W, "angle": 0.0}
     end = actions[-1].X_WO_end if actions else X_WO
     last = actions[-1].contacts_end if actions else start
     return (
-        build_hold(list(start), first, "let the grasp settle"),
+        build_hold(start, rest_at(X_WO, axis_W), "let the grasp settle"),
         *actions,
-        build_hold(list(last), {**first, "X_WO_start": end, "X_WO_end": end}, "the goal is reached"),
+        build_hold(last, rest_at(end, axis_W), "the goal is reached"),
     )
-
-
-def _holding(contacts: Contacts) -> tuple[int, ...]:
-    return tuple(int(i) for i in np.flatnonzero([c is not None for c in contacts]))
-
-
-def _touch(contacts: Contacts) -> tuple[str, ...]:
-    return tuple(MUST_NOT if c is None else MUST for c in contacts)

@@ -2,7 +2,7 @@
 
 A relocation has three parts: the finger leaves its contact for a hover, travels, and comes down from a hover.  Only the first and
 the last need the object at rest.  Where a lift comes right before a motion of the object, or a placement right after one, the
-travel is handed over to the motion: the action move_object then names the travelling finger.
+travel is handed over to the motion: the action MoveObject then has the travelling finger's way.
 """
 
 from __future__ import annotations
@@ -14,22 +14,25 @@ import numpy as np
 from dexplan.kinematics.arcs import build_travel, compute_hover, refine
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.planning.actions.joining import Contacts, follow_actions
+from dexplan.planning.actions.joining import follow_actions
 from dexplan.planning.admissible.carry import follow_object
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
 from dexplan.planning.admissible.order import keeps_order
-from dexplan.planning.ways.detour import Surroundings, find_detour
-from dexplan.planning.ways.travel import Way
+from dexplan.planning.ways.detour import NOBODY, Surroundings, find_detour
+from dexplan.planning.ways.travel import Way, choose_nearer
+from dexplan.plans.actions import Action, FingerWay, MoveObject, Relocate
+from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import Action, Placement, Plan
+from dexplan.plans.phases import TRAVEL
+from dexplan.plans.plan import Plan
+from dexplan.scene.description import Nearness
 from dexplan.spatial import Array
 
-TRAVEL = "travel"
-"""Name of the phase in which a finger goes between home and hover."""
 LOOKS = 33
 """A journey is looked at this often at least."""
 LIMITS = "the finger's joint limits or the fingers' order"
 """What is in the way where no body is."""
+AT_LIMITS = Nearness(-np.inf, LIMITS)
 
 
 def build_journey(
@@ -61,9 +64,9 @@ def overlap_travel(hand: HandModel, plan: Plan) -> Plan:
     for action in plan.actions:
         held.append(follow_actions(hand, held[-1], (action,)))
     for k, action in enumerate(plan.actions):
-        if action.kind != "move_object":
+        if not isinstance(action, MoveObject):
             continue
-        lift, place = _changes(actions, k - 1, "lift"), _changes(actions, k + 1, "place")
+        lift, place = _find_travel(actions, k - 1, False), _find_travel(actions, k + 1, True)
         if lift is not None and place is not None and lift.finger != place.finger:
             place = None
         options = [o for o in ((lift, place), (lift, None), (None, place)) if any(o)]
@@ -77,24 +80,25 @@ def overlap_travel(hand: HandModel, plan: Plan) -> Plan:
 
 def count_overlaps(actions: tuple[Action, ...]) -> dict[str, float]:
     """Return how many times a finger was lifted or placed, and how many of these travel while the object moves."""
-    changes = [a for a in actions if a.kind in ("lift", "place")]
-    overlapping = sum(all(p.name != TRAVEL for p in a.phases) for a in changes)
+    changes = [a for a in actions if isinstance(a, Relocate)]
+    overlapping = sum(not a.has_travel for a in changes)
     return {"relocations": len(changes), "relocations_overlapping": overlapping}
 
 
-def _changes(actions: list[Action], k: int, kind: str) -> Action | None:
-    """Return action ``k`` if it is of this kind and has its own travel."""
-    if not 0 <= k < len(actions) or actions[k].kind != kind:
+def _find_travel(actions: list[Action], k: int, is_placing: bool) -> Relocate | None:
+    """Return action ``k`` if it places, or lifts, a finger and has its own travel."""
+    action = actions[k] if 0 <= k < len(actions) else None
+    if not isinstance(action, Relocate) or action.is_placing != is_placing:
         return None
-    return actions[k] if any(p.name == TRAVEL for p in actions[k].phases) else None
+    return action if action.has_travel else None
 
 
 def _find_journey(
     hand: HandModel,
-    action: Action,
+    action: MoveObject,
     contacts: Contacts,
     before: Contacts,
-    option: tuple[Action | None, Action | None],
+    option: tuple[Relocate | None, Relocate | None],
 ) -> Way | None:
     """Return how a finger can travel during ``action``, which begins with ``contacts``; ``before`` those before the lift.
 
@@ -104,12 +108,10 @@ def _find_journey(
     if action.rolls:
         return None  # carried on rolling contacts: not looked at
     lift, place = option
-    shift = action.X_WO_end[:3, 3] - action.X_WO_start[:3, 3]
-    motion = ObjectMotion(action.X_WO_start, action.axis_W, action.angle, shift)
+    motion = action.motion
     changing = lift or place
     assert changing is not None
     finger = changing.finger
-    assert finger is not None
     who, leaves, comes = hand.fingers[finger], None, None
     if lift is not None:
         old = before[finger]
@@ -132,56 +134,56 @@ def _find_journey(
         q[list(touching)] = [way[k] for way in carried]
         moments.append(Surroundings(hand, q, X_WO, finger, touching))
     arc = build_journey(who, leaves, comes, motion)
-    clearance, names = _look(moments, holders, arc)
-    if clearance >= hand.limits.clearance:
-        return Way(arc, clearance, names)
+    nearest = _look(moments, holders, arc)
+    if nearest.distance >= hand.limits.clearance:
+        return Way(arc, nearest)
     found = find_detour((moments[0], moments[len(moments) // 2], moments[-1]), arc[0], arc[-1])
     if found.way is None:
         return None
-    least, nearest = _look(moments, holders, found.way)
-    return Way(found.way, least, nearest, names) if least >= hand.limits.clearance else None
+    around, nearest = nearest.names, _look(moments, holders, found.way)
+    return Way(found.way, nearest, around) if nearest.distance >= hand.limits.clearance else None
 
 
-def _look(moments: list[Surroundings], holders: tuple[Placement, ...], way: Array) -> tuple[float, str]:
-    """Return the least clearance [m] of a finger on its ``way`` (K, J) through the ``moments`` of a motion, and between whom.
+def _look(moments: list[Surroundings], holders: tuple[Placement, ...], way: Array) -> Nearness:
+    """Return what is nearest to what while a finger goes its ``way`` (K, J) through the ``moments`` of a motion.
 
-    -inf where a joint leaves its limits or the fingers' order changes.
+    The distance is -inf where a joint leaves its limits or the fingers' order changes.
     """
     hand, finger = moments[0].hand, moments[0].finger
     chain = hand.fingers[finger].chain
     if compute_joint_margin(chain, refine(way)).min() < compute_travel_margin(hand, finger):
-        return -np.inf, LIMITS
+        return AT_LIMITS
     share = np.linspace(0.0, 1.0, len(moments))
     done = share**3 * (10.0 + share * (6.0 * share - 15.0))
     even = np.linspace(0.0, 1.0, len(way))
     travelled = np.stack([np.interp(done, even, column) for column in way.T], axis=1)
     tips = compute_tip_pose(chain, travelled)[:, :3, 3]
-    least: tuple[float, str] = (np.inf, "")
+    least = NOBODY
     for moment, posture, tip in zip(moments, travelled, tips, strict=True):
         X_WO = moment.X_WO
         normals = {f: p - X_WO[:3, 3] for f, p in enumerate(hand.p_WF_home)}
         normals.update({c.finger: X_WO[:3, :3] @ c.normal_O for c in holders})
         normals[finger] = tip - X_WO[:3, 3]
-        least = min(least, moment.compute_clearance(posture))
-        if least[0] < hand.limits.clearance:
+        least = choose_nearer(least, moment.find_nearest(posture))
+        if least.distance < hand.limits.clearance:
             return least
         if not keeps_order(hand, normals):
-            return -np.inf, LIMITS
+            return AT_LIMITS
     return least
 
 
 def _hand_over(
-    hand: HandModel, actions: list[Action], k: int, option: tuple[Action | None, Action | None], way: Way
+    hand: HandModel, actions: list[Action], k: int, option: tuple[Relocate | None, Relocate | None], way: Way
 ) -> None:
     """Take the travel out of a lift before action ``k``, a placement after it, or both; action ``k`` gets it, by ``way``."""
     lift, place = option
-    name, finger = "", None
-    for j, changing in ((k - 1, lift), (k + 1, place)):
-        if changing is not None:
-            kept = tuple(p for p in changing.phases if p.name != TRAVEL)
-            actions[j] = replace(changing, phases=kept, way=None)
-            assert changing.finger is not None
-            finger, name = changing.finger, hand.fingers[changing.finger].name
+    changing = lift or place
+    assert changing is not None
+    finger, name = changing.finger, hand.fingers[changing.finger].name
+    for j, relocation in ((k - 1, lift), (k + 1, place)):
+        if relocation is not None:
+            kept = tuple(p for p in relocation.phases if p.name != TRAVEL)
+            actions[j] = replace(relocation, phases=kept, ways=())
     ends = {
         (True, False): "home",
         (False, True): "over its next contact",
@@ -190,4 +192,5 @@ def _hand_over(
     where = ends[lift is not None, place is not None]
     around = f" by a detour that keeps {way.around} apart" if way.around else ""
     why = f"{actions[k].why}; meanwhile {name} travels {where}{around}"
-    actions[k] = replace(actions[k], finger=finger, why=why, way=way.postures if way.around else None)
+    ways = (FingerWay(finger, way.postures, is_detour=bool(way.around)),)
+    actions[k] = replace(actions[k], why=why, ways=ways)

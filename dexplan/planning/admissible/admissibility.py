@@ -18,8 +18,10 @@ from dexplan.kinematics.chain import (
     compute_tip_jacobian,
     compute_tip_pose,
 )
-from dexplan.planning.admissible.conditions import Condition, classify_nearness
+from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.scene.description import Nearness
 from dexplan.spatial import GRAVITY, Array, lock_arrays, read_only
 
 
@@ -29,7 +31,7 @@ class Margins:
 
     ``joint`` [rad] and ``dexterity`` over the loaded fingers; ``load``: share of the believed cone that the force QP leaves
     unused, -inf where it finds no forces; ``torque``: largest share of a torque limit; ``clearance`` [m].
-    ``refusal`` is empty for an admissible state, else the first violated condition in words; ``unmet`` names it.
+    ``refusal`` is None for an admissible state, else says which condition is the first that is not met.
     """
 
     joint: float
@@ -37,13 +39,12 @@ class Margins:
     load: float
     torque: float
     clearance: float
-    refusal: str = ""
-    unmet: Condition | None = None
+    refusal: Refusal | None = None
 
     @property
     def is_admissible(self) -> bool:
         """Whether the state may be planned through."""
-        return not self.refusal
+        return self.refusal is None
 
     def as_dict(self) -> dict[str, float]:
         """Return the margins in the units of ``plan.json``."""
@@ -137,36 +138,34 @@ class Admissibility:
         joint = min(states[i].joint for i in holding)
         dexterity = min(states[i].dexterity for i in holding)
         nearest = hand.probe.find_nearest(q, X_WO, (*holding, *landing))
-        load, torque, refusal, unmet = -np.inf, np.inf, "", None
+        load, torque, refusal = -np.inf, np.inf, None
         if joint < limits.joint_margin:
-            refusal, unmet = (
-                f"a joint comes within {np.degrees(joint):.1f} deg of its limit",
-                Condition.JOINTS,
+            who = min(states, key=lambda i: states[i].joint)
+            refusal = Refusal(
+                RefusalKind.JOINT_LIMIT, (hand.fingers[who].name,), float(joint), limits.joint_margin
             )
         elif dexterity < limits.dexterity:
-            refusal, unmet = "a finger comes near a singular posture", Condition.POSTURE
+            who = min(states, key=lambda i: states[i].dexterity)
+            name = hand.fingers[who].name
+            refusal = Refusal(RefusalKind.SINGULAR, (name,), float(dexterity), limits.dexterity)
         elif nearest.distance < limits.clearance:
-            refusal = f"{nearest.names} come within {1e3 * nearest.distance:.1f} mm"
-            unmet = classify_nearness(nearest)
+            refusal = refuse_nearness(nearest, limits.clearance)
         else:
             load, torque, fault = self._compute_load(states, q, X_WO, axis_W, explain)
             if fault:
-                refusal = f"the contacts cannot carry the load{f' ({fault})' if explain else ''}"
-                unmet = Condition.FRICTION
-        return Margins(float(joint), float(dexterity), load, torque, nearest.distance, refusal, unmet)
+                words = f"the contacts cannot carry the load ({fault})" if explain else ""
+                refusal = Refusal(RefusalKind.LOAD, words=words)
+        return Margins(float(joint), float(dexterity), load, torque, nearest.distance, refusal)
 
-    def compute_path_clearance(
+    def find_nearest_on_path(
         self, q: Array, X_WO: Array, free: int, path: Array, touching: tuple[int, ...]
-    ) -> tuple[float, str]:
-        """Return the smallest clearance [m] while finger ``free`` moves along ``path`` (K, J) and the others stay at ``q``."""
-        best, pair = np.inf, ""
-        q = q.copy()
+    ) -> Nearness:
+        """Return what is nearest to what while finger ``free`` moves along ``path`` (K, J) and the others stay at ``q``."""
+        q, found = q.copy(), []
         for posture in path:
             q[free] = posture
-            clearance, names = self.hand.probe.compute_clearance(q, X_WO, touching)
-            if clearance < best:
-                best, pair = clearance, names
-        return float(best), pair
+            found.append(self.hand.probe.find_nearest(q, X_WO, touching))
+        return min(found, key=lambda nearest: nearest.distance)
 
     def refuse_load(self, states: dict[int, FingerState], q: Array, X_WO: Array) -> bool:
         """Return whether fingers in ``states`` cannot carry the object at rest, whatever else may be wrong with the state."""

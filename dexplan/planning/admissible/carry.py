@@ -14,12 +14,13 @@ from dexplan.planning.admissible.admissibility import (
     Margins,
 )
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.contacts import Placement
 from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import Placement
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.spatial import Array, invert_pose
 
 
-def follow_object(hand: HandModel, placement: Placement, X_WO: Array) -> tuple[Array, str]:
+def follow_object(hand: HandModel, placement: Placement, X_WO: Array) -> tuple[Array, Refusal | None]:
     """Return the postures (L, J) of a finger whose contact is carried through object poses (K, 4, 4), and what stops it.
 
     Joint limits are not looked at here; ``placement.q`` is the posture at the first pose.
@@ -28,8 +29,8 @@ def follow_object(hand: HandModel, placement: Placement, X_WO: Array) -> tuple[A
     X_WF = X_WO @ placement.X_OF
     q = follow_tip(description.chain, X_WF, placement.q)
     if len(q) < len(X_WF):
-        return q, f"{description.name} comes to the end of its workspace"
-    return q, ""
+        return q, Refusal(RefusalKind.OUT_OF_REACH, (description.name,))
+    return q, None
 
 
 def judge_carry(
@@ -38,7 +39,7 @@ def judge_carry(
     states: dict[int, list[FingerState]],
     motion: ObjectMotion,
     poses: Array,
-) -> tuple[list[Margins], str]:
+) -> tuple[list[Margins], Refusal | None]:
     """Return the margins at ``poses`` (K, 4, 4) of a motion, fingers in ``states`` (K of each) holding; and the first refusal."""
     axis = np.sign(motion.angle) * motion.axis_W if abs(motion.angle) > 1e-9 else None
     rows: list[Margins] = []
@@ -51,7 +52,7 @@ def judge_carry(
         if not row.is_admissible:
             return rows, row.refusal
         rows.append(row)
-    return rows, ""
+    return rows, None
 
 
 def spin_tip(hand: HandModel, placement: Placement, angle: float) -> Placement:

@@ -20,7 +20,9 @@ from scipy.spatial import cKDTree
 from dexplan.icosphere import build_icosphere
 from dexplan.kinematics.spherical_wrist import solve_tip_pose
 from dexplan.planning.admissible.aligned import build_aligned
+from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.plans.refusal import Refusal
 from dexplan.spatial import Array, make_pose
 
 LEVEL = 4
@@ -35,21 +37,23 @@ class LoneClearance:
     """
 
     hand: HandModel
-    _known: dict[tuple[int, tuple[float, float, float], int], tuple[str, str]] = field(default_factory=dict)
+    _known: dict[tuple[int, tuple[float, float, float], int], tuple[Refusal | None, Refusal | None]] = field(
+        default_factory=dict
+    )
 
-    def refuse_contact(self, finger: int, center: Array, normals: Array) -> list[str]:
-        """Return for outward ``normals`` (N, 3) what comes too near to a finger that touches there; "" where nothing does.
+    def refuse_contact(self, finger: int, center: Array, normals: Array) -> list[Refusal | None]:
+        """Return for outward ``normals`` (N, 3) what comes too near to a finger that touches there; None where nothing does.
 
-        The object is at ``center`` (3,) [m].  Where the grid's own direction is out of reach the answer is "": whatever a plan
+        The object is at ``center`` (3,) [m].  Where the grid's own direction is out of reach the answer is None: whatever a plan
         goes through is looked at exactly anyway.
         """
         return [contact for contact, _ in self._ask(finger, center, normals)]
 
-    def refuse_landing(self, finger: int, center: Array, normals: Array) -> list[str]:
+    def refuse_landing(self, finger: int, center: Array, normals: Array) -> list[Refusal | None]:
         """Return the same for a finger that touches there, or hovers where it would come from."""
         return [contact or over for contact, over in self._ask(finger, center, normals)]
 
-    def _ask(self, finger: int, center: Array, normals: Array) -> list[tuple[str, str]]:
+    def _ask(self, finger: int, center: Array, normals: Array) -> list[tuple[Refusal | None, Refusal | None]]:
         x, y, z = (float(v) for v in np.round(center, 7) + 0.0)
         _, nearest = _build_tree().query(normals)
         missing = [v for v in np.unique(nearest).tolist() if (finger, (x, y, z), v) not in self._known]
@@ -60,7 +64,9 @@ class LoneClearance:
                 self._known[finger, (x, y, z), vertex] = refusals
         return [self._known[finger, (x, y, z), int(v)] for v in nearest]
 
-    def _look(self, finger: int, center: Array, vertices: NDArray[np.intp]) -> list[tuple[str, str]]:
+    def _look(
+        self, finger: int, center: Array, vertices: NDArray[np.intp]
+    ) -> list[tuple[Refusal | None, Refusal | None]]:
         hand, normals = self.hand, build_icosphere(LEVEL).vertices[vertices]
         X_WF = build_aligned(hand, finger, center, normals)
         over = X_WF.copy()
@@ -68,15 +74,17 @@ class LoneClearance:
         contact = self._refuse(finger, center, X_WF, (finger,))
         return list(zip(contact, self._refuse(finger, center, over, ()), strict=True))
 
-    def _refuse(self, finger: int, center: Array, X_WF: Array, touching: tuple[int, ...]) -> list[str]:
-        hand, X_WO, refusals = self.hand, make_pose(p=center), []
+    def _refuse(
+        self, finger: int, center: Array, X_WF: Array, touching: tuple[int, ...]
+    ) -> list[Refusal | None]:
+        hand, X_WO, clearance = self.hand, make_pose(p=center), self.hand.limits.clearance
+        refusals: list[Refusal | None] = []
         posture, others = hand.q_home.copy(), list_others(hand, finger)
         for q, is_reached in zip(*solve_tip_pose(hand.workspaces[finger], X_WF), strict=True):
             posture[finger] = q
-            clearance, names = (
-                hand.probe.compute_clearance(posture, X_WO, touching, others) if is_reached else (np.inf, "")
-            )
-            refusals.append(f"{names} too near" if clearance < hand.limits.clearance else "")
+            nearest = hand.probe.find_nearest(posture, X_WO, touching, others) if is_reached else None
+            is_near = nearest is not None and nearest.distance < clearance
+            refusals.append(refuse_nearness(nearest, clearance) if nearest and is_near else None)
         return refusals
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.plans.forces import NormalForces
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.spatial import GRAVITY
 
 USUAL = NormalForces()
@@ -55,7 +56,7 @@ class Squeeze:
     normal: float
     floor: float
     ceiling: float
-    refusal: str = ""
+    refusal: Refusal | None = None
 
     @property
     def friction_share(self) -> float:
@@ -84,19 +85,27 @@ def choose_squeeze(
         (mass * GRAVITY + landing) / (2.0 * CONE_SHARE * friction.sliding),
         FOLLOWING_TORQUE / (LEFT_FOR_TORSION * friction.torsional),
     )
-    refusal = ""
+    refusal = None
     if normal < min(needed, asked.target, USUAL.target):
-        refusal = (
+        words = (
             f"an object of {1e3 * mass:.3g} g is too light for this hand: squeezed with more than {normal:.3g} N its contacts "
             f"are deeper than {1e6 * DEPTH:.0f} um in the simulator, and to carry it, and to exchange fingers, takes "
-            f"{needed:.3g} N; use a heavier object (object.mass_kg) or more friction (friction.sliding, friction.torsional_m)"
+            f"{needed:.3g} N"
         )
+        cure = Cure(
+            "use a heavier object (object.mass_kg) or more friction (friction.sliding, friction.torsional_m)"
+        )
+        refusal = Refusal(RefusalKind.TOO_LIGHT, (), normal, needed, cure, words=words)
     elif normal < asked.target and asked.target > USUAL.target:
-        refusal = (
+        words = (
             f"an object of {1e3 * mass:.3g} g is too light for the {asked.target:.3g} N that are asked for: squeezed with more "
-            f"than {normal:.3g} N its contacts are deeper than {1e6 * DEPTH:.0f} um in the simulator; ask for at most "
-            f"{math.floor(1e2 * normal) / 1e2:g} N (forces.normal_N), or use a heavier object (object.mass_kg)"
+            f"than {normal:.3g} N its contacts are deeper than {1e6 * DEPTH:.0f} um in the simulator"
         )
+        least = math.floor(1e2 * normal) / 1e2
+        cure = Cure(
+            f"ask for at most {least:g} N (forces.normal_N), or use a heavier object (object.mass_kg)"
+        )
+        refusal = Refusal(RefusalKind.TOO_LIGHT, (), normal, asked.target, cure, words=words)
     ceiling = max(normal, min(asked.ceiling, greatest))
     floor = asked.floor if normal == asked.target else asked.floor / asked.target * normal
     if ceiling < asked.ceiling:

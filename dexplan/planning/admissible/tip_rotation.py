@@ -15,8 +15,9 @@ import numpy as np
 
 from dexplan.errors import spell_apart
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.plans.plan import Action
-from dexplan.plans.roll import Roll
+from dexplan.plans.actions import Action
+from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
 
 NEAR = float(np.radians(5.0))
@@ -25,7 +26,7 @@ ROUNDING = 1e-6
 """A way that was built for the limit may exceed it by this [rad]."""
 
 
-def trace_on_tip(roll: Roll) -> Array:
+def trace_on_tip(roll: TipRoll) -> Array:
     """Return where the contact is on the tip along a roll: directions (K, 3) from the tip's centre in tip axes."""
     return -np.einsum("kji,kj->ki", roll.X_OF[:, :3, :3], roll.normal_O)
 
@@ -50,8 +51,8 @@ def measure_rotation(places: Array) -> Array:
         swept[first:] = swept[first]
 
 
-def refuse_rotation(hand: HandModel, actions: Iterable[Action]) -> str:
-    """Return which tip would roll too far round between a touch and the next lift; "" where none does."""
+def refuse_rotation(hand: HandModel, actions: Iterable[Action]) -> Refusal | None:
+    """Return which tip would roll too far round between a touch and the next lift; None where none does."""
     on_tip: dict[int, list[Array]] = {}
     for action in actions:
         for roll in action.rolls:
@@ -66,14 +67,16 @@ def refuse_rotation(hand: HandModel, actions: Iterable[Action]) -> str:
                 else 0.0
             )
             if swept > hand.tip_rotation_limit + ROUNDING:
-                return describe_rotation(hand, roll.finger, swept)
-    return ""
+                return refuse_sweep(hand, roll.finger, swept)
+    return None
 
 
-def describe_rotation(hand: HandModel, finger: int, swept: float) -> str:
-    """Return in words that a tip would go round too far."""
+def refuse_sweep(hand: HandModel, finger: int, swept: float) -> Refusal:
+    """Return the refusal because a tip would go round by ``swept`` [rad], which is too far."""
     far, limit = spell_apart(np.degrees(swept), np.degrees(hand.tip_rotation_limit))
-    return f"{hand.fingers[finger].name} would roll {far} deg round on its tip, and hand.tip_rotation_limit_deg is {limit}"
+    name = hand.fingers[finger].name
+    words = f"{name} would roll {far} deg round on its tip, and hand.tip_rotation_limit_deg is {limit}"
+    return Refusal(RefusalKind.TIP_ROTATION, (name,), swept, hand.tip_rotation_limit, words=words)
 
 
 def _measure_angles(places: Array, about: Array) -> Array:

@@ -68,7 +68,7 @@ def _find(hand: HandModel, leg: Leg, finger: int, first: Array) -> Landings:
     free: NDArray[np.bool_] = np.ones(len(which), dtype=bool)
     if not leg.is_shift:
         blocked = remember_clearances(hand).refuse_landing(finger, leg.center, normals)
-        free = np.array([not refusal for refusal in blocked], dtype=bool)
+        free = np.array([refusal is None for refusal in blocked], dtype=bool)
     carry = np.stack([o.carry for o in orbits])[which, station]
     rows = Candidates(which[free], station[free], normals[free], carry[free])
     return Landings(tuple(orbits), rows, Candidates(which, station, normals, carry))

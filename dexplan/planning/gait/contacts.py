@@ -27,11 +27,13 @@ from dexplan.planning.admissible.separation import (
 from dexplan.planning.gait.candidates import Landings, find_landings
 from dexplan.planning.gait.held import Candidates, Held, Landfall, Landing
 from dexplan.planning.gait.legs import Leg
-from dexplan.planning.gait.orbits import OUT_OF_REACH, Orbit, build_fixed_orbit, build_orbits
+from dexplan.planning.gait.orbits import Orbit, build_fixed_orbit, build_orbits
+from dexplan.planning.gait.stops import Stop, StopKind
 from dexplan.planning.regions.regions import compute_regions
 from dexplan.planning.regions.theorems import check_theorem_1
+from dexplan.plans.contacts import Placement
 from dexplan.plans.motion import STEP
-from dexplan.plans.plan import Placement
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.spatial import Array, invert_pose
 
 NEAR = float(np.radians(6.0))
@@ -55,8 +57,6 @@ class ContactTable:
     hand: HandModel
     leg: Leg
     orbits: list[Orbit] = field(default_factory=list)
-    start_limits: dict[int, str] = field(default_factory=dict)
-    """What keeps fingers from the start contacts that they were asked for and cannot hold."""
     _runs: dict[tuple[int, int], list[FingerState]] = field(default_factory=dict)
     _trees: dict[int, cKDTree] = field(default_factory=dict)
 
@@ -94,14 +94,16 @@ class ContactTable:
             self.orbits += landings.orbits
         return found
 
-    def explain_reach(self, finger: int) -> tuple[bool, str]:
+    def explain_reach(self, finger: int) -> tuple[bool, Stop | None]:
         """Return whether a finger can touch the object anywhere, and what stops it at most places where it cannot."""
-        landings, limits = self._landings[finger], Counter[str]()
+        landings, limits = self._landings[finger], Counter[Stop]()
         for orbit in landings.orbits:
             limits.update(orbit.limit[k] for k in np.flatnonzero(~orbit.is_reached))
         # Far around the object every finger's workspace ends: that says something only where nothing else does.
-        ranked = sorted(limits, key=lambda text: (text == OUT_OF_REACH, -limits[text], text))
-        return bool(len(landings.stand.orbit)), ranked[0] if ranked else ""
+        ranked = sorted(
+            limits, key=lambda stop: (stop.kind is StopKind.WORKSPACE, -limits[stop], stop.kind, stop.who)
+        )
+        return bool(len(landings.stand.orbit)), ranked[0] if ranked else None
 
     def foresee_carry(self, finger: int, normal: Array) -> int:
         """Return for how many stations the finger could about carry a contact along ``normal`` (3,) in W from the leg's start.
@@ -130,7 +132,6 @@ class ContactTable:
     def _start(self, finger: int, orbit: Orbit) -> Held | None:
         self.orbits.append(orbit)
         if not orbit.is_reached[0]:
-            self.start_limits[finger] = orbit.limit[0]
             return None
         return Held(finger, len(self.orbits) - 1, 0, 0, int(orbit.carry[0]))
 
@@ -163,7 +164,7 @@ class ContactTable:
         self.state(held)
         return self._runs[held.orbit, held.landed][held.steps : held.steps + count]
 
-    def limit(self, held: Held) -> str:
+    def limit(self, held: Held) -> Stop:
         """Return what ends the contact's run."""
         return self.orbits[held.orbit].limit[held.landed]
 
@@ -195,8 +196,8 @@ class ContactTable:
         """Return whether two of the contacts are force closed with the believed friction."""
         return self.pair_angle(held) < self.beta_max
 
-    def check_theorem_1(self, held: tuple[Held, Held], done: int) -> str:
-        """Return why no free finger can take part in a gait with the pair ``held`` at progress ``done``; "" if one may.
+    def check_theorem_1(self, held: tuple[Held, Held], done: int) -> Refusal | None:
+        """Return why no free finger can take part in a gait with the pair ``held`` at progress ``done``; None if one may.
 
         The paper's Theorem 1, a necessary condition: some free finger can hold with one of the pair where it is.
         """
@@ -204,13 +205,15 @@ class ContactTable:
         X_WO = self.leg.pose(done)
         regions = compute_regions(self.hand, X_WO, theta=self.beta_max)
         x_i, x_j = (X_WO[:3, :3].T @ self.normal(h) for h in held)
-        reasons = []
+        refusal = None
         for k in sorted(set(range(len(self.hand.fingers))) - {i.finger, j.finger}):
             answer = check_theorem_1(regions, i.finger, j.finger, k, x_i, x_j)
             if answer.is_met:
-                return ""
-            reasons.append(answer.reason)
-        return reasons[0] if reasons else "no finger is free"
+                return None
+            if refusal is None:
+                subject = tuple(self.hand.fingers[f].name for f in (k, i.finger, j.finger))
+                refusal = Refusal(RefusalKind.THEOREM_1, subject, answer.margin, 0.0, words=answer.reason)
+        return refusal or Refusal(RefusalKind.NO_FREE_FINGER)
 
     @cached_property
     def _bases(self) -> list[int]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.plans.plan import Action
+from dexplan.plans.actions import Action, count_placements
 
 ROOM = 5.0
 """Clearance [mm] from which on more of it is worth nothing."""
@@ -62,8 +62,8 @@ def compute_actions_cost(weights: CostWeights, actions: Sequence[Action]) -> flo
     """Return the cost of a plan's actions, or of some of them."""
     return compute_cost(
         weights,
-        sum(a.kind == "place" for a in actions),
-        sum(abs(a.angle) for a in actions),
-        sum(float(np.linalg.norm(a.X_WO_end[:3, 3] - a.X_WO_start[:3, 3])) for a in actions),
+        count_placements(actions),
+        sum(abs(a.motion.angle) for a in actions),
+        sum(float(np.linalg.norm(a.motion.shift_W)) for a in actions),
         [a.margins for a in actions],
     )

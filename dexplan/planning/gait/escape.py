@@ -27,10 +27,10 @@ SPACING, FURTHEST = float(np.radians(5.0)), float(np.radians(80.0))
 """Turns tried about every axis [rad]."""
 EVERY = 12
 """One direction in so many of the regions' fine grid is tried as a place to land: about 4 deg apart."""
-ENOUGH = 24
+MOST_PLACES_COUNTED = 24
 """Places to land beyond this many make an escape no better."""
-DEAR = 0.5
-"""What an escape's score loses for the longest turn tried; room for ``ENOUGH`` places counts 1."""
+LONGEST_TURN_COST = 0.5
+"""What an escape's score loses for the longest turn tried; room for ``MOST_PLACES_COUNTED`` places counts 1."""
 COUNT = 4
 """Escapes offered."""
 ALIKE = float(np.cos(np.radians(30.0)))
@@ -64,7 +64,9 @@ def find_escapes(table: ContactTable, held: tuple[Held, Held]) -> list[Escape]:
     for a, k in np.argwhere(carried).tolist():
         here = {h.finger: n[a, k] for h, n in zip(held, normals, strict=True)}
         room[a, k] = _count_room(table, here, places, turns[a, k])
-    score = np.minimum(room, ENOUGH) / ENOUGH - DEAR * angles / FURTHEST
+    score = (
+        np.minimum(room, MOST_PLACES_COUNTED) / MOST_PLACES_COUNTED - LONGEST_TURN_COST * angles / FURTHEST
+    )
     score[room == 0] = -np.inf
     best = score.argmax(axis=1)
     chosen: list[int] = []

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.held import Held
 from dexplan.planning.gait.steps import Step
+from dexplan.planning.gait.stops import Stop, StopKind
+from dexplan.plans.refusal import Refusal
 
-Limit = tuple[int | None, str]
+Limit = tuple[int | None, Stop | Refusal]
+"""The limiting finger, None where it is no finger, and what ends the motion."""
 
 
 @dataclass(eq=False)
@@ -33,7 +36,7 @@ class Node:
     promise: int = 0
     load: float = 0.0
     reach: int = 0
-    limit: Limit = (None, "")
+    limit: Limit = (None, Stop(StopKind.GOAL))
     margins: dict[str, float] = field(default_factory=dict)
     place_margins: dict[str, float] = field(default_factory=dict)
 
@@ -54,7 +57,7 @@ def build_steps(tables: list[ContactTable], way: list[Node], motions: list[int])
 def _build_step(table: ContactTable, way: list[Node], motions: list[int], k: int) -> Step:
     here, moved = way[k], motions[k]
     leg, end = table.leg, here.done + moved
-    limit = here.limit if moved == here.reach else (None, "a shorter motion leaves the better next grasp")
+    finger, ended = here.limit if moved == here.reach else (None, Stop(StopKind.SHORTER))
     return Step(
         contacts=tuple(table.placement(h, here.done) for h in here.held),
         X_WO_start=leg.pose(here.done),
@@ -63,7 +66,7 @@ def _build_step(table: ContactTable, way: list[Node], motions: list[int], k: int
         axis_W=leg.axis_W,
         placed=None if here.placed is None else table.placement(here.placed, here.done),
         lifted=None if here.lifted is None else here.lifted.finger,
-        limit=limit,
+        limit=(finger, str(ended)),
         margins=here.margins,
         place_margins=here.place_margins,
         is_rewind=_is_rewind(way, motions, k),

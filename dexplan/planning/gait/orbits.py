@@ -19,14 +19,13 @@ from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_near, s
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import list_others, remember_clearances
 from dexplan.planning.gait.legs import Leg
+from dexplan.planning.gait.stops import LAST_JOINT, SINGULAR, WORKSPACE_END, Stop, StopKind
 from dexplan.spatial import Array, lock_arrays, make_pose, read_only
 
 _JUMP = 0.30
 """Joint steps between neighbouring stations beyond this mean another branch [rad]."""
 _SIGHT = float(np.radians(80.0))
 """Directions farther than this from a finger's own are not tried for landings."""
-OUT_OF_REACH = "the end of its workspace"
-"""What stops a finger where no posture reaches."""
 _LOOK = 3
 """Clearance of one finger alone is looked at at every so many stations."""
 
@@ -47,7 +46,7 @@ class Orbit:
     is_reached: NDArray[np.bool_]
     carry: NDArray[np.intp]
     spin: Array
-    limit: tuple[str, ...]
+    limit: tuple[Stop, ...]
 
     __repr__ = brief_repr
 
@@ -102,15 +101,14 @@ def build_fixed_orbit(
     postures, reached, reasons = table[0].copy(), ok[0], why[0]
     lower, upper = chain.lower[-1] + limits.joint_margin, chain.upper[-1] - limits.joint_margin
     carry, spin = np.zeros(len(postures), dtype=np.intp), np.zeros(len(postures))
-    end = ["" for _ in postures]
+    end = [Stop(StopKind.WHOLE_TURN)] * len(postures)
     if q is not None and reached[0]:
         postures[0] = wrap_near(postures[0], q)
         if np.abs(q - postures[0]).max() > _JUMP:
-            reached[0], reasons[0] = False, "another branch of its postures"
+            reached[0], reasons[0] = False, Stop(StopKind.BRANCH)
     if reached[0] and not lower - 1e-9 <= postures[0, -1] <= upper + 1e-9:
-        reached[0], reasons[0] = False, "the limit of its last joint"
+        reached[0], reasons[0] = False, LAST_JOINT
     here, last = 0, min(len(postures) - 1, leg.stations)
-    end[0] = "a whole turn"
     for count in range(1, last + 1):
         there = leg.sense * count % len(postures)
         step = postures[there] - postures[here]
@@ -119,9 +117,9 @@ def build_fixed_orbit(
         if not reached[there]:
             end[0] = reasons[there]
         elif np.abs(step[:-1]).max() > _JUMP:
-            end[0] = "a singular posture"
+            end[0] = SINGULAR
         elif not lower <= postures[there, -1] <= upper:
-            end[0] = "the limit of its last joint"
+            end[0] = LAST_JOINT
         else:
             here, carry[0] = there, count
             continue
@@ -130,7 +128,7 @@ def build_fixed_orbit(
     only[0] = reached[0]
     lean = float(np.arccos(np.clip(-(X_WF[:3, 2] @ normal), -1.0, 1.0)))
     if lean > hand.tip_polar_limit:
-        only[0], reasons[0] = False, f"its tip's pole, {np.degrees(lean):.0f} deg off"
+        only[0], reasons[0] = False, Stop(StopKind.POLE, f"{np.degrees(lean):.0f}")
     end[0] = end[0] if only[0] else reasons[0]
     return Orbit(finger, read_only(N[0]), read_only(postures), only, carry, spin, tuple(end))
 
@@ -154,7 +152,7 @@ def _solve(
     X_WF: Array,
     stands: Array | None = None,
     sight: float = np.pi,
-) -> tuple[Array, NDArray[np.bool_], list[list[str]]]:
+) -> tuple[Array, NDArray[np.bool_], list[list[Stop]]]:
     """Return postures (M, K, J), which stations the finger can hold (M, K), and why not where it cannot.
 
     ``stands`` (J,): the finger is there already, in this posture, so that it stays on this branch and sees only this leg.
@@ -167,7 +165,7 @@ def _solve(
         near[:, leg.sense * np.arange(leg.stations + 1, near.shape[1])] = False
     q = np.full((*near.shape, description.chain.n_joints), np.nan)
     ok = np.zeros(near.shape, dtype=bool)
-    reason = np.full(near.shape, OUT_OF_REACH, dtype=object)
+    reason = np.full(near.shape, WORKSPACE_END, dtype=object)
     if near.any() and len(workspace.postures):
         if stands is None:
             solved, reached = solve_tip_pose(workspace, X_WF[near])
@@ -186,17 +184,21 @@ def _solve(
             estimate_dexterity(description.chain, solved[reached & inside]) >= limits.dexterity
         )
         q[near], ok[near] = solved, reached & inside & away
-        texts = np.array(
-            [f"the limit of {name.split('/')[-1]}" for name in description.joint_names], dtype=object
+        joints = np.array(
+            [Stop(StopKind.JOINT, name.split("/")[-1]) for name in description.joint_names], dtype=object
         )
-        why = np.where(inside, "a singular posture", texts[nearest])
-        reason[near] = np.where(reached, why, OUT_OF_REACH)
+        why = np.where(inside, np.array(SINGULAR, dtype=object), joints[nearest])
+        reason[near] = np.where(reached, why, np.array(WORKSPACE_END, dtype=object))
         if stands is None and not leg.is_shift:
-            refusals = np.array(
-                remember_clearances(hand).refuse_contact(finger, leg.center, normals[ok]), dtype=object
-            )
-            reason[ok] = np.where(refusals == "", reason[ok], refusals)
-            ok[ok] = refusals == ""
+            refusals = remember_clearances(hand).refuse_contact(finger, leg.center, normals[ok])
+            blocked = np.array([refusal is not None for refusal in refusals], dtype=bool)
+            ends = reason[ok]
+            ends[blocked] = [
+                Stop(StopKind.NEAR, " and ".join(refusal.subject))
+                for refusal in refusals
+                if refusal is not None
+            ]
+            reason[ok], ok[ok] = ends, ~blocked
         else:
             _look_around(hand, finger, leg, q, ok, reason, _LOOK if stands is None else 1)
     return q, ok, [list(row) for row in reason]
@@ -228,12 +230,12 @@ def _look_around(
             )
             if clearance < hand.limits.clearance:
                 ok[row, stations] = False
-                reason[row, stations] = f"{names} too near"
+                reason[row, stations] = Stop(StopKind.NEAR, names)
 
 
 def _measure_runs(
-    hand: HandModel, finger: int, leg: Leg, q: Array, ok: NDArray[np.bool_], why: list[str]
-) -> tuple[NDArray[np.intp], Array, tuple[str, ...]]:
+    hand: HandModel, finger: int, leg: Leg, q: Array, ok: NDArray[np.bool_], why: list[Stop]
+) -> tuple[NDArray[np.intp], Array, tuple[Stop, ...]]:
     """Return carry (K,), the landing spin (K,) that centres the tip's roll over the run, and what ends each run, or why there is
     none.
     """
@@ -258,16 +260,16 @@ def _measure_runs(
         if first < count and ok[order[first]]:
             if last < len(order) - 1:
                 there = order[last + 1]
-                end = "a singular posture" if ok[there] else why[there]
+                end = SINGULAR if ok[there] else why[there]
             else:
-                end = "the end of the shift" if leg.is_shift else "a whole turn"
+                end = Stop(StopKind.SHIFT_END if leg.is_shift else StopKind.WHOLE_TURN)
             begun = np.arange(first, min(last + 1, count))
             many, low, high = _measure_windows(value[first : last + 1], len(begun), room, count)
             here = order[begun]
             carry[here] = many - 1
             whole = (begun + many == last + 1) | (many == count)
             for station, is_whole in zip(here.tolist(), whole.tolist(), strict=True):
-                limit[station] = end if is_whole else "the limit of its last joint"
+                limit[station] = end if is_whole else LAST_JOINT
             if rolls:
                 centred = 0.5 * (low + high) - value[begun]
                 spin[here] = sign * (middle - q[here, -1] - centred)

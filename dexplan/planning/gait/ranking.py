@@ -10,10 +10,10 @@ from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.cost import CostWeights
 from dexplan.planning.gait.nodes import Node
 
-GREED = 3.0
+HEURISTIC_WEIGHT = 3.0
 """How much more a turn still to be made counts than placements already spent.  One placement is taken to be worth half of what
 a finger can carry a contact; above 1 the search looks for a good gait soon rather than for the best one at last."""
-SURE = 0.7
+CERTAIN_SHARE = 0.7
 """So much of the placements that seem to be missing will be needed: what then costs more than a plan in hand is left out."""
 
 
@@ -29,11 +29,11 @@ class Ranking:
         """Return the priority of a node; the smallest is opened first."""
         # Between equals, prefer grasps that carry easily: small forces and room for error.
         load = node.load + 30.0 * max(0.0, node.load - 0.88)
-        return node.placements + GREED * self.estimate_missing(node) + load
+        return node.placements + HEURISTIC_WEIGHT * self.estimate_missing(node) + load
 
     def foresee_cost(self, node: Node, weights: CostWeights) -> float:
-        """Return what a way through ``node`` costs at the very least, if the estimate of what is missing is ``SURE`` right."""
-        placements = node.placements + SURE * self.estimate_missing(node)
+        """Return what a way through ``node`` costs at least, if ``CERTAIN_SHARE`` of what seems to be missing is needed."""
+        placements = node.placements + CERTAIN_SHARE * self.estimate_missing(node)
         turned = sum(abs(table.leg.angle) for table in self.tables)
         return weights.placement * placements + weights.turn * turned + weights.load * node.load
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
-from dexplan.planning.admissible.conditions import Condition, without_numbers
+from dexplan.planning.admissible.conditions import Condition, find_unmet
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.cost import CostWeights, compute_cost
@@ -26,7 +26,10 @@ from dexplan.planning.gait.ranking import Ranking
 from dexplan.planning.gait.start_pairs import find_start_pairs
 from dexplan.planning.gait.states import DETOUR_COST, StateChecks
 from dexplan.planning.gait.steps import Step
-from dexplan.planning.ways.travel import spell_nearness
+from dexplan.planning.gait.stops import Stop, StopKind
+from dexplan.planning.ways.detour import NOBODY
+from dexplan.planning.ways.travel import choose_nearer, refuse_way
+from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
 
 TURNS = (1.0, 0.85, 0.7, 0.5, 0.3, 0.0)
 """Shares of the longest possible motion after which a finger is exchanged."""
@@ -34,9 +37,10 @@ STRIDE = 4
 """A first look at a motion checks every so many stations."""
 GAIN = 0.5
 """A plan that costs less than the one in hand by no more than this share of a placement is not worth looking for."""
-CROWDED, FAILED = 1.0, 0.25
+COST_OF_OPENED_LIKES, COST_OF_FAILED_LIKES = 1.0, 0.25
 """What a node's priority loses for every one like it that was opened, or tried in vain, before: else the search would spend its
 nodes on variations of one idea."""
+OUT_OF_ORDER = Refusal(RefusalKind.ORDER)
 CURE = "raise the friction, lower friction.safety, or use a lighter object"
 
 
@@ -70,9 +74,9 @@ class GaitSearch:
         self._serial = 0
         self._seen: set[tuple[object, ...]] = set()
         self._crowds: dict[tuple[object, ...], float] = {}
-        self._refusals: dict[str, int] = {}
+        self._refusals = RefusalCount()
         self._ranking = Ranking(self.tables, self._rewinds_only)
-        self._weights, self._dearest = CostWeights(), np.inf
+        self._weights, self._cost_limit = CostWeights(), np.inf
         self.opened = 0
 
     @property
@@ -93,17 +97,17 @@ class GaitSearch:
     @property
     def reason(self) -> str:
         """The most common refusals, in words."""
-        return "; ".join(self._common) or "no placement holds with a finger that holds already"
+        return "; ".join(map(str, self.refusals))
 
     @property
-    def _common(self) -> list[str]:
-        return [t for t, _ in sorted(self._refusals.items(), key=lambda item: (-item[1], item[0]))[:2]]
+    def refusals(self) -> list[Refusal]:
+        """The most common refusals, numbers left out."""
+        return self._refusals.list_common(2) or [Refusal(RefusalKind.NO_LANDING)]
 
     @property
     def unmet(self) -> list[Condition]:
-        """Which conditions the most common refusals are about, as far as is known."""
-        known = {text: condition for checks in self._checks for text, condition in checks.unmet.items()}
-        return [known[text] for text in self._common if text in known]
+        """Which conditions the most common refusals are about, where they are about some."""
+        return [condition for r in self.refusals if (condition := find_unmet(r)) is not None]
 
     def judge_start(self, held: tuple[Held, ...]) -> Margins:
         """Return the margins of the first grasp."""
@@ -111,7 +115,7 @@ class GaitSearch:
 
     def begin_anywhere(self) -> int:
         """Add pairs to start from where the problem leaves it to the planner; return how many."""
-        pairs = find_start_pairs(self.tables[0], lambda held: not self._checks[0].refuse(held))
+        pairs = find_start_pairs(self.tables[0], lambda held: self._checks[0].refuse(held) is None)
         for pair in pairs:
             self.begin(pair.held, pair.promise, pair.load)
         return len(pairs)
@@ -125,7 +129,7 @@ class GaitSearch:
 
     def seek_cheaper(self, cost: float, weights: CostWeights) -> None:
         """Go on without what will hardly cost less than ``cost``."""
-        self._dearest, self._weights = cost, weights
+        self._cost_limit, self._weights = cost, weights
 
     def run(self, nodes: int) -> Node | None:
         """Open up to ``nodes`` more nodes; return the one from which the goal is reached, None if there was none."""
@@ -133,7 +137,7 @@ class GaitSearch:
         while self._heap and self.opened < limit:
             entry = heapq.heappop(self._heap)
             node, key = entry.node, self._key(entry.node)
-            if key in self._seen or self._is_dear(node):
+            if key in self._seen or self._costs_too_much(node):
                 continue
             cell = self._cell(node)
             crowd = self._crowds.get(cell, 0.0)
@@ -141,15 +145,15 @@ class GaitSearch:
                 self._push(node, crowd)
                 continue
             if node.lifted is not None and (refusal := self._check_arrival(node)):
-                self._refuse(refusal)
-                self._crowds[cell] = crowd + FAILED
+                self._refusals.add(refusal)
+                self._crowds[cell] = crowd + COST_OF_FAILED_LIKES
                 continue
             self._seen.add(key)
-            self._crowds[cell] = crowd + CROWDED
+            self._crowds[cell] = crowd + COST_OF_OPENED_LIKES
             self.opened += 1
             refusal = self._walk(node)
             if refusal:
-                self._refuse(refusal)
+                self._refusals.add(refusal)
                 continue
             if self._ends_leg(node):
                 if node.leg + 1 < len(self.route):
@@ -157,7 +161,7 @@ class GaitSearch:
                 elif not (refusal := self._verify(trace_back(node))):
                     return node
                 else:
-                    self._refuse(refusal)
+                    self._refusals.add(refusal)
             for child in self._children(node):
                 self._push(child)
         return None
@@ -169,7 +173,7 @@ class GaitSearch:
         fingers = tuple(sorted(h.finger for h in node.held))
         return not (self._rewinds_only and node.pair and fingers != node.pair)
 
-    def _walk(self, node: Node) -> str:
+    def _walk(self, node: Node) -> Refusal | None:
         """Find how many stations the node's grasp can take the object, and what ends it; return why it cannot hold it at all.
 
         Every ``STRIDE``-th station is checked here, and the last; all of them once the search wants to go on from there.
@@ -178,7 +182,7 @@ class GaitSearch:
         limiter = min(node.held, key=lambda h: h.left)
         furthest = min(limiter.left, table.stations - node.done)
         if not self._may_move(node):
-            node.limit, furthest = (None, "only one pair of fingers moves the object"), 0
+            node.limit, furthest = (None, Stop(StopKind.ONE_PAIR)), 0
         last = -1
         for k in sorted({*range(0, furthest, STRIDE), furthest}):
             held = tuple(h.carried(k) for h in node.held)
@@ -186,51 +190,52 @@ class GaitSearch:
             if refusal:
                 node.limit = (None, refusal)
                 node.reach = last
-                return "" if last >= 0 else refusal
+                return None if last >= 0 else refusal
             last = k
         node.reach = furthest
         if node.done + furthest >= table.stations:
-            node.limit = (None, "the goal" if node.leg + 1 == len(self.route) else "the end of this leg")
+            is_last = node.leg + 1 == len(self.route)
+            node.limit = (None, Stop(StopKind.GOAL if is_last else StopKind.LEG_END))
         elif furthest or self._may_move(node):
             node.limit = (limiter.finger, table.limit(limiter))
-        return ""
+        return None
 
-    def _check_order(self, table: ContactTable, held: tuple[Held, ...]) -> str:
+    def _check_order(self, table: ContactTable, held: tuple[Held, ...]) -> Refusal | None:
         normals = table.with_free({h.finger: table.normal(h) for h in held})
-        return "" if table.keep_order(normals) else "the fingers would change their order"
+        return None if table.keep_order(normals) else OUT_OF_ORDER
 
-    def _check_motion(self, node: Node, stations: int) -> str:
-        """Return why the node's grasp cannot take the object ``stations`` on, each of them checked; "" if it can."""
+    def _check_motion(self, node: Node, stations: int) -> Refusal | None:
+        """Return why the node's grasp cannot take the object ``stations`` on, each of them checked; None if it can."""
         checks = self._checks[node.leg]
         for k in range(stations + 1):
             if refusal := checks.refuse(tuple(h.carried(k) for h in node.held)):
                 return refusal
-        return ""
+        return None
 
-    def _check_arrival(self, node: Node) -> str:
-        """Return why the relocation that leads to ``node`` cannot be done, "" if it can."""
+    def _check_arrival(self, node: Node) -> Refusal | None:
+        """Return why the relocation that leads to ``node`` cannot be done, None if it can."""
         assert node.lifted is not None
         assert node.parent is not None
         checks, limits = self._checks[node.leg], self._hand.limits
         if refusal := self._check_motion(node.parent, node.moved):
             return refusal
         before = (*(h for h in node.held if h is not node.placed), node.lifted)
-        clearances = []
+        found = [NOBODY]
         if node.placed is not None:
-            clearances.append(checks.clear_of((*before, node.placed), node.done))
-            if clearances[-1][0] >= limits.clearance:
+            found.append(checks.clear_of((*before, node.placed), node.done))
+            if found[-1].distance >= limits.clearance:
                 if refusal := checks.refuse_together((*before, node.placed)) or checks.refuse(node.held):
                     return refusal
-                clearances.append(checks.clear_on_way(node.placed, before, node.done, node))
-        if min(clearances, default=(np.inf, ""))[0] >= limits.clearance:
-            clearances.append(checks.clear_on_way(node.lifted, node.held, node.done, node))
-        least, names = min(clearances)
-        node.place_margins = {"clearance_mm": 1e3 * least}
-        if least >= limits.clearance:
-            return ""
-        refusal = spell_nearness(names, least)
+                found.append(checks.clear_on_way(node.placed, before, node.done, node))
+        if choose_nearer(*found).distance >= limits.clearance:
+            found.append(checks.clear_on_way(node.lifted, node.held, node.done, node))
+        nearest = choose_nearer(*found)
+        node.place_margins = {"clearance_mm": 1e3 * nearest.distance}
+        if nearest.distance >= limits.clearance:
+            return None
+        refusal = refuse_way(self._hand, nearest)
         if checks.has_looked_around(node):
-            return f"{refusal}, and there is no way around"
+            return Refusal(RefusalKind.NO_WAY_AROUND, because=(refusal,))
         if checks.put_off(node):
             # Where arcs do not lead to the goal it is asked again, and may take a detour.
             node.placements += DETOUR_COST
@@ -242,7 +247,7 @@ class GaitSearch:
         missing = self.tables[node.leg].stations - node.done
         return node.reach >= missing and not self._check_motion(node, missing)
 
-    def _verify(self, way: list[Node]) -> str:
+    def _verify(self, way: list[Node]) -> Refusal | None:
         """Ask the judge about every state of a finished way; note the margins, and return the first refusal."""
         for here, moved in zip(way, self._motions(way), strict=True):
             checks = self._checks[here.leg]
@@ -255,7 +260,7 @@ class GaitSearch:
                 least = here.place_margins["clearance_mm"]
                 grasp = rows[0].as_dict()
                 here.place_margins = {**grasp, "clearance_mm": min(least, grasp["clearance_mm"])}
-        return ""
+        return None
 
     def _motions(self, way: list[Node]) -> list[int]:
         """Return the stations moved with the grasp of each node of a way, the last one moving to the goal."""
@@ -281,16 +286,12 @@ class GaitSearch:
         )
         return node.leg, node.done // 5, places
 
-    def _is_dear(self, node: Node) -> bool:
+    def _costs_too_much(self, node: Node) -> bool:
         """Return whether a way through ``node`` is no improvement on the plan in hand."""
-        if self._dearest == np.inf:
+        if self._cost_limit == np.inf:
             return False
         gain = GAIN * self._weights.placement
-        return self._ranking.foresee_cost(node, self._weights) > self._dearest - gain
-
-    def _refuse(self, refusal: str) -> None:
-        text = without_numbers(refusal)
-        self._refusals[text] = self._refusals.get(text, 0) + 1
+        return self._ranking.foresee_cost(node, self._weights) > self._cost_limit - gain
 
     def _children(self, node: Node) -> list[Node]:
         """Return what can be done after going on with the node's grasp, to the end of its reach or less."""
@@ -305,7 +306,7 @@ class GaitSearch:
             elif self.tables[node.leg].has_pair(held) and (
                 refusal := table.check_theorem_1((held[0], held[1]), done)
             ):
-                self._refuse(refusal)
+                self._refusals.add(refusal)
             else:
                 for finger in sorted(set(table.candidates) - {h.finger for h in held}):
                     purpose = self._purpose(node, finger, turn)
@@ -353,7 +354,7 @@ class GaitSearch:
             landed, end = table.placement(h, node.done), table.state(h.carried(moved))
             contact = after.start_at(h.finger, X_WO @ landed.X_OF, end.q)
             if contact is None:
-                self._refuse(f"{self._hand.fingers[h.finger].name} cannot go on after the leg")
+                self._refusals.add(Refusal(RefusalKind.LEG_END, (self._hand.fingers[h.finger].name,)))
                 return
             held.append(contact)
         lasts = min(h.left for h in held)

@@ -9,10 +9,11 @@ from itertools import combinations
 
 import numpy as np
 
-from dexplan.planning.admissible.conditions import explain_locked_joint
+from dexplan.planning.admissible.conditions import refuse_locked_joint
 from dexplan.planning.admissible.separation import compute_opposition
 from dexplan.planning.gait.contacts import APART, ContactTable
 from dexplan.planning.gait.held import Held
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.spatial import Array
 
 COUNT = 24
@@ -89,16 +90,24 @@ def _propose(table: ContactTable) -> list[StartPair]:
 REACH_CURE = "use a smaller object, widen hand.joint_ranges_deg, or move the fingers' bases"
 
 
-def explain_unreachable(table: ContactTable) -> str:
-    """Return who can touch the object nowhere, where fewer than two fingers can, and what would help; "" where two can."""
+def refuse_unreachable(table: ContactTable) -> Refusal | None:
+    """Return who can touch the object nowhere, where fewer than two fingers can, and what would help; None where two can."""
     hand = table.hand
     reach = {finger: table.explain_reach(finger) for finger in range(len(hand.fingers))}
     idle = [finger for finger, (reaches, _) in reach.items() if not reaches]
     if len(hand.fingers) - len(idle) >= 2:
-        return ""
-    why = "; ".join(explain_locked_joint(hand, f) or f"{hand.fingers[f].name}: {reach[f][1]}" for f in idle)
-    names = _join([hand.fingers[f].name for f in idle])
-    return f"two fingers have to hold the object, and {names} can touch it nowhere where it stands ({why}); {REACH_CURE}"
+        return None
+    because = tuple(
+        refuse_locked_joint(hand, f)
+        or Refusal(
+            RefusalKind.OUT_OF_REACH, (hand.fingers[f].name,), words=f"{hand.fingers[f].name}: {reach[f][1]}"
+        )
+        for f in idle
+    )
+    names = tuple(hand.fingers[f].name for f in idle)
+    why = "; ".join(map(str, because))
+    words = f"two fingers have to hold the object, and {_join(list(names))} can touch it nowhere where it stands ({why})"
+    return Refusal(RefusalKind.OUT_OF_REACH, names, cure=Cure(REACH_CURE), because=because, words=words)
 
 
 def _join(names: list[str]) -> str:

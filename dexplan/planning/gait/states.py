@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 
 from dexplan.kinematics.arcs import build_travel, compute_hover
 from dexplan.planning.admissible.admissibility import Admissibility, Margins
-from dexplan.planning.admissible.conditions import Condition, classify_nearness, without_numbers
+from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_contact_torques, compute_pair_loads, sure_share
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.held import Held
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
+from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.scene.description import Nearness
 from dexplan.spatial import Array, make_pose
 
 SURE, UNKNOWN, NEVER = 1, 0, -1
@@ -28,9 +30,9 @@ _SAMPLE = 5
 """A finger's own weight is computed at one of so many stations."""
 DETOUR_COST = 2
 """A relocation by a detour counts as so many placements more: where arcs do, they are taken."""
-PATIENCE = 12
+MOST_FAILED_DETOURS = 12
 """So many detours are looked for in vain while one goal is planned for; after that what is in the way of an arc is believed."""
-OVERLOAD = "the contacts cannot carry the load (friction)"
+OVERLOAD = Refusal(RefusalKind.LOAD, words="the contacts cannot carry the load (friction)")
 
 Key = tuple[tuple[int, int, int], ...]
 
@@ -47,16 +49,14 @@ class StateChecks:
         self._table, self._admissibility = table, admissibility
         self._hand: HandModel = table.hand
         self._exact: dict[Key, Margins] = {}
-        self._refusal: dict[Key, str] = {}
-        self._together: dict[Key, str] = {}
+        self._refusal: dict[Key, Refusal | None] = {}
+        self._together: dict[Key, Refusal | None] = {}
         self._loads: dict[Key, NDArray[np.int8]] = {}
         self._bias: dict[tuple[int, int], Array] = {}
         self._arcs: dict[tuple[int, int, int], Array] = {}
         self._ways: dict[tuple[tuple[int, int, int], Key, bool], Way] = {}
         self._put_off: set[object] = set()
         self._blocked: set[object] = set()
-        self.unmet: dict[str, Condition] = {}
-        """Which condition it is that refusals, numbers left out, are about."""
         self.detours: dict[object, dict[int, Way]] = {}
         """The detours that were found for whoever asked for them, by finger."""
 
@@ -79,23 +79,18 @@ class StateChecks:
             row = self._admissibility.compute_margins_of(
                 states, q, pose, axis_W=self._table.axis_W, explain=explain
             )
-            self._exact[key] = self._note(row)
+            self._exact[key] = row
             self._refusal[key] = row.refusal
         return self._exact[key]
 
-    def _note(self, row: Margins) -> Margins:
-        if row.unmet is not None:
-            self.unmet[without_numbers(row.refusal)] = row.unmet
-        return row
-
-    def refuse(self, held: tuple[Held, ...]) -> str:
-        """Return why the object cannot be held with ``held``, all other fingers at home; "" where it can: the quick answer."""
+    def refuse(self, held: tuple[Held, ...]) -> Refusal | None:
+        """Return why the object cannot be held with ``held``, all other fingers at home; None where it can: the quick answer."""
         key = _key(held)
         if key not in self._refusal:
             self._refusal[key] = self._look(held)
         return self._refusal[key]
 
-    def _look(self, held: tuple[Held, ...]) -> str:
+    def _look(self, held: tuple[Held, ...]) -> Refusal | None:
         if len(held) != 2:
             return self.judge(held, explain=False).refusal
         offset = min(h.steps for h in held)
@@ -112,10 +107,8 @@ class StateChecks:
             self._postures(held), make_pose(p=self._table.center(held[0])), tuple(h.finger for h in held)
         )
         if nearest.distance < limits.clearance:
-            refusal = f"{nearest.names} come within {1e3 * nearest.distance:.1f} mm"
-            self.unmet[without_numbers(refusal)] = classify_nearness(nearest)
-            return refusal
-        return "" if verdict == SURE else self.judge(held, explain=False).refusal
+            return refuse_nearness(nearest, limits.clearance)
+        return None if verdict == SURE else self.judge(held, explain=False).refusal
 
     def _assess(self, start: tuple[Held, ...]) -> NDArray[np.int8]:
         """Return for all stations that a pair could go through whether it carries the load there."""
@@ -164,26 +157,24 @@ class StateChecks:
 
     # -- exchanges of fingers --------------------------------------------------------------------------------------------
 
-    def refuse_together(self, held: tuple[Held, ...]) -> str:
-        """Return why not all of ``held`` can touch and bear the object at rest; "" if they can."""
+    def refuse_together(self, held: tuple[Held, ...]) -> Refusal | None:
+        """Return why not all of ``held`` can touch and bear the object at rest; None if they can."""
         key = _key(held)
         if key not in self._together:
             states = {h.finger: self._table.state(h) for h in held}
             pose = make_pose(p=self._table.center(held[0]))
             row = self._admissibility.compute_margins_of(states, self._postures(held), pose, explain=False)
-            self._together[key] = self._note(row).refusal
+            self._together[key] = row.refusal
         return self._together[key]
 
-    def clear_of(self, held: tuple[Held, ...], done: int) -> tuple[float, str]:
-        """Return the clearance [m] while all of ``held`` touch."""
-        return self._hand.probe.compute_clearance(
+    def clear_of(self, held: tuple[Held, ...], done: int) -> Nearness:
+        """Return what is nearest to what while all of ``held`` touch."""
+        return self._hand.probe.find_nearest(
             self._postures(held), self._table.leg.pose(done), tuple(h.finger for h in held)
         )
 
-    def clear_on_way(
-        self, moving: Held, holding: tuple[Held, ...], done: int, asker: object
-    ) -> tuple[float, str]:
-        """Return the clearance [m] between a finger's home and its hover over a contact while ``holding`` hold.
+    def clear_on_way(self, moving: Held, holding: tuple[Held, ...], done: int, asker: object) -> Nearness:
+        """Return what is nearest to what between a finger's home and its hover over a contact while ``holding`` hold.
 
         The rest of the way is along the normal.  At first the way is the arc; once ``asker`` has been put off it may be a detour.
         """
@@ -198,7 +189,7 @@ class StateChecks:
                 >= self._hand.limits.clearance
             ):
                 self._blocked.add(asker)
-        return way.clearance, way.names
+        return way.nearest
 
     def put_off(self, asker: object) -> bool:
         """Return whether ``asker`` was refused for what is in the way of an arc only; from now on its ways may be detours."""
@@ -223,7 +214,9 @@ class StateChecks:
                 )
                 arc = self._arcs[where(moving)] = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
             around = self._around(moving, holding, done)
-            way = find_way(around, arc, looks_around and self._admissibility.failed_detours < PATIENCE)
+            way = find_way(
+                around, arc, looks_around and self._admissibility.failed_detours < MOST_FAILED_DETOURS
+            )
             if looks_around and not way.around and way.clearance < self._hand.limits.clearance:
                 self._admissibility.failed_detours += 1
             self._ways[key] = way

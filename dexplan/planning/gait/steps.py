@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.planning.ways.travel import Way
-from dexplan.plans.plan import Placement
+from dexplan.plans.contacts import Placement
 from dexplan.spatial import Array, lock_arrays
 
 

@@ -29,9 +29,9 @@ SIGHT = float(np.radians(85.0))
 """Directions farther than this from the finger's own are not tried."""
 NEAR = 0.02
 """Values nearer to zero than this may hide a border between them [rad]."""
-CALM = 0.06
+DEXTERITY_CHANGE = 0.06
 """With this much dexterity beyond its limit it does not fall below it within a triangle: it changes slower than the direction."""
-LOOSE = 5e-3
+FIRST_STEP_ERROR = 5e-3
 """A Newton step from this far off leaves about a hundredth of it."""
 CLIFF = 0.15
 """A margin this far below zero next to one above it is taken for another branch [rad]."""
@@ -204,7 +204,7 @@ def _refine(
         known = np.full(len(rows), np.nan)
         if level > COARSE:
             # Between far from singular postures it stays so: what decides is the joints.
-            plain = seeded[rows] & (dexterity[rows] > limits.dexterity + CALM)
+            plain = seeded[rows] & (dexterity[rows] > limits.dexterity + DEXTERITY_CHANGE)
             known[plain] = dexterity[rows][plain]
         return Question(finger, limits, center, front, directions, seeds, iterations, tolerance, known)
 
@@ -267,7 +267,7 @@ def _refine_closed(
                 break
             # Between far from singular postures it stays so: what decides is the joints.
             known = dexterity[rows]
-            known[~(known > limits.dexterity + CALM)] = np.nan
+            known[~(known > limits.dexterity + DEXTERITY_CHANGE)] = np.nan
             answer = yield Question(
                 finger, limits, center, front, grid.vertices[rows], np.zeros((len(rows), joints)), 1, 1.0, known
             )  # fmt: skip
@@ -315,7 +315,7 @@ def _answer(questions: list[Question]) -> list[Answer]:
                 seeds,
                 iterations=questions[group[0]].iterations,
                 # The dexterity is that before the last step: only where it is asked for must that be close.
-                tolerance=np.where(is_asked, questions[group[0]].tolerance, LOOSE),
+                tolerance=np.where(is_asked, questions[group[0]].tolerance, FIRST_STEP_ERROR),
                 is_asked=is_asked,
             )
             ends = np.cumsum([len(questions[n].directions) for n in group])[:-1]

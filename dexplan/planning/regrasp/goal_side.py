@@ -7,21 +7,21 @@ is rolled into: a pair of it is rolled apart until it holds alone, and the plan 
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field
 from itertools import combinations
 
 from dexplan.planning.admissible.admissibility import Admissibility
-from dexplan.planning.admissible.conditions import without_numbers
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.layers import Layers
-from dexplan.planning.regrasp.moves import Contacts
 from dexplan.planning.regrasp.nodes import change_stand
 from dexplan.planning.regrasp.relocation_bound import Pair, RelocationBound
 from dexplan.planning.regrasp.still import Stand, StillContacts
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair
+from dexplan.planning.ways.travel import refuse_way
+from dexplan.plans.contacts import Contacts
 from dexplan.plans.motion import rest_at
+from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
 from dexplan.spatial import Array
 
 OPTIONS = 2
@@ -34,7 +34,7 @@ class GoalSide:
 
     ``roots``: per stand the fingers that hold while the last one comes to its contact; ``options``: how the goal grasp is rolled
     into from there.  ``wanted``: per finger the spots of ``still`` that these stands use.  ``refusal``: why there is no way in at
-    all, "" where there may be one; ``is_rolled``: whether rolling was tried.
+    all, None where there may be one; ``is_rolled``: whether rolling was tried.
     """
 
     hand: HandModel
@@ -45,7 +45,7 @@ class GoalSide:
     roots: dict[Stand, list[Pair]] = field(default_factory=dict, init=False)
     options: dict[Stand, RollPlan | None] = field(default_factory=dict, init=False)
     wanted: dict[int, list[int]] = field(default_factory=dict, init=False)
-    refusal: str = field(default="", init=False)
+    refusal: Refusal | None = field(default=None, init=False)
     is_rolled: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
@@ -58,8 +58,8 @@ class GoalSide:
             rolled, refusal = self._roll(stand)
             self.refusal = self._enter(rolled) if rolled else refusal
 
-    def _roll(self, stand: Stand) -> tuple[dict[Stand, RollPlan | None], str]:
-        """Return stands from which the goal grasp is rolled into, and why there is none ("" if there is)."""
+    def _roll(self, stand: Stand) -> tuple[dict[Stand, RollPlan | None], Refusal | None]:
+        """Return stands from which the goal grasp is rolled into, and why there is none (None if there is)."""
         search = RollEveryPair(self.hand, self.X_WO, self.goal, self.admissibility)
         found: dict[Stand, RollPlan | None] = {}
         for number, option in enumerate(search.first_of_every_pair(OPTIONS), start=1):
@@ -69,12 +69,13 @@ class GoalSide:
                 assert contact is not None
                 before[roll.finger] = self.still.add(contact, number)
             found[tuple(before)] = option
-        why = f"no two of the goal contacts hold, and rolling cannot make two that do: {search.explain()}"
-        return found, "" if found else why
+        if found:
+            return found, None
+        return found, Refusal(RefusalKind.CANNOT_ROLL_APART, ("goal",), because=search.explain())
 
-    def _enter(self, options: dict[Stand, RollPlan | None]) -> str:
+    def _enter(self, options: dict[Stand, RollPlan | None]) -> Refusal | None:
         """Note the stands that fingers can come into one after another; return why there is none."""
-        refusals = Counter[str]()
+        refusals = RefusalCount()
         for stand, option in options.items():
             pairs, refused = self._find_last(stand)
             refusals.update(refused)
@@ -82,17 +83,17 @@ class GoalSide:
                 continue
             bound = RelocationBound(self._layers, {stand: pairs})
             if bound.count_pairs() <= len(pairs):
-                refusals["no place lets another finger go"] += 1
+                refusals.add(Refusal(RefusalKind.NO_PLACE))
                 continue
             self.roots[stand], self.options[stand] = pairs, option
             for f, spot in enumerate(stand):
                 if spot is not None:
                     self.wanted.setdefault(f, []).append(spot)
         if self.roots:
-            return ""
-        return min(refusals, key=lambda text: (-refusals[text], text))
+            return None
+        return refusals.list_common(1)[0]
 
-    def _find_last(self, stand: Stand) -> tuple[list[Pair], list[str]]:
+    def _find_last(self, stand: Stand) -> tuple[list[Pair], list[Refusal]]:
         """Return the fingers that can hold while the last one comes to its contact, and why others cannot."""
         still = self.still
         touching = [f for f, s in enumerate(stand) if s is not None]
@@ -105,13 +106,15 @@ class GoalSide:
             spots = [s for s in before if s is not None]
             assert spot is not None
             if not still.forms_pair(*spots):
-                refusals.append(f"{name} cannot come last, the other two do not hold alone")
+                cause = Refusal(RefusalKind.NOT_ALONE)
             elif refusal := still.judge(stand).refusal or still.judge(before).refusal:
-                refusals.append(f"{name} cannot come last, {without_numbers(refusal)}")
+                cause = refusal
             elif (way := still.find_way(before, spot)).clearance < self.hand.limits.clearance:
-                refusals.append(f"{name} cannot come last, {way.names} come too near on the way")
+                cause = refuse_way(self.hand, way.nearest)
             else:
                 pairs.append((a, b))
+                continue
+            refusals.append(Refusal(RefusalKind.CANNOT_COME_LAST, (name,), because=(cause,)))
         return pairs, refusals
 
     @property

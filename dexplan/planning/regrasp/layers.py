@@ -12,6 +12,7 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.regrasp.still import Stand, StillContacts
 from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.refusal import Refusal
 from dexplan.spatial import Array
 
 LAYER_ANGLE, LAYER_SHIFT = float(np.radians(12.0)), 6e-3
@@ -29,7 +30,9 @@ class Layers:
     motion: ObjectMotion
     poses: list[StillContacts] = field(default_factory=list)
     _promises: dict[tuple[int, int, int], Array] = field(default_factory=dict)
-    _carried: dict[tuple[int, int], tuple[int | None, list[FingerState], str]] = field(default_factory=dict)
+    _carried: dict[tuple[int, int], tuple[int | None, list[FingerState], Refusal | None]] = field(
+        default_factory=dict
+    )
 
     def __post_init__(self) -> None:
         turns = abs(self.motion.angle) / LAYER_ANGLE
@@ -47,7 +50,7 @@ class Layers:
         """Return the motion from a pose to the next."""
         return self.motion.part(layer / self.last, (layer + 1) / self.last)
 
-    def carry(self, layer: int, spot: int) -> tuple[int | None, list[FingerState], str]:
+    def carry(self, layer: int, spot: int) -> tuple[int | None, list[FingerState], Refusal | None]:
         """Return the spot in the next layer to which a contact is carried, and the finger's states on the way.
 
         None, and a reason, where it cannot be carried there.
@@ -64,8 +67,10 @@ class Layers:
             self._carried[key] = there, states, refusal
         return self._carried[key]
 
-    def judge_carry(self, layer: int, stand: Stand, is_thorough: bool = True) -> tuple[dict[str, float], str]:
-        """Return the worst margins while a stand carries the object to the next pose, and why it cannot ("" if it can).
+    def judge_carry(
+        self, layer: int, stand: Stand, is_thorough: bool = True
+    ) -> tuple[dict[str, float], Refusal | None]:
+        """Return the worst margins while a stand carries the object to the next pose, and why it cannot (None if it can).
 
         Not ``is_thorough``: only half way and at the end are looked at.
         """

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from dexplan.planning.rolling.roll_to_goal import measure_angle
+from dexplan.plans.contacts import Contacts
 from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import Placement
-from dexplan.plans.roll import Roll
+from dexplan.plans.refusal import Refusal
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, lock_arrays
-
-Contacts = tuple[Placement | None, ...]
-"""Per finger where it touches, None where it is free."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +24,7 @@ class Move:
     contacts: Contacts
     X_WO: Array
     margins: dict[str, float] = field(default_factory=dict)
-    rolls: tuple[Roll, ...] = ()
+    rolls: tuple[TipRoll, ...] = ()
     why: str = ""
     motion: ObjectMotion | None = None
     way: Array | None = None
@@ -38,20 +36,20 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """The answer of a search: the moves, or what stopped it nearest to the goal in ``reason``; ``opened`` counts nodes.
+    """The answer of a search: the moves, or in ``refusal`` what stopped it nearest to the goal; ``opened`` counts nodes.
 
     ``is_exhausted``: there is no move left that it could try.
     """
 
     moves: tuple[Move, ...] | None
-    reason: str
+    refusal: Refusal | None = None
     opened: int = 0
     is_exhausted: bool = False
 
 
-def reverse_roll(roll: Roll) -> Roll:
+def reverse_roll(roll: TipRoll) -> TipRoll:
     """Return the same way walked backwards."""
-    return Roll(roll.finger, roll.X_OF[::-1], roll.normal_O[::-1])
+    return TipRoll(roll.finger, roll.X_OF[::-1], roll.normal_O[::-1])
 
 
 def is_same(a: Contacts, b: Contacts) -> bool:

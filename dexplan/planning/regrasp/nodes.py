@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from dexplan.planning.regrasp.layers import Layers
-from dexplan.planning.regrasp.moves import Contacts, Move, reverse_roll
+from dexplan.planning.regrasp.moves import Move, reverse_roll
 from dexplan.planning.regrasp.still import Stand
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.ways.travel import Way, describe_detour
+from dexplan.plans.contacts import Contacts
 
 Labels = tuple[int | None, ...]
 """Per finger what its contact is to the goal, as :meth:`StillContacts.label` says."""

@@ -6,24 +6,25 @@ one from which it is rolled into.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from dexplan.planning.regrasp.goal_side import OPTIONS, GoalSide
 from dexplan.planning.regrasp.layers import Layers
-from dexplan.planning.regrasp.moves import Adjustment, Contacts, Move, is_same
+from dexplan.planning.regrasp.moves import Adjustment, Move, is_same
 from dexplan.planning.regrasp.nodes import Labels, Node, build_moves, trace_back
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.stand_search import AbstractStandSearch
 from dexplan.planning.regrasp.still import land_again
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
+from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import Placement
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.spatial import Array
 
-PATIENCE = 30
+NODES_TO_IMPROVE = 30
 """After the first way is found as many nodes as it took are opened again, and so many more, to find a better one."""
 
 
@@ -39,10 +40,10 @@ class AdjustmentSearch(AbstractStandSearch):
     """
 
     side: GoalSide = field(kw_only=True)
-    known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
+    known_rolls: dict[bytes, tuple[list[RollPlan], Refusal | None]] = field(default_factory=dict)
     chosen: int = field(default=0, init=False)
     _starts: int = field(default=0, init=False)
-    _dead_end: str = field(default="", init=False)
+    _dead_end: Refusal | None = field(default=None, init=False)
     _early: dict[tuple[int, int], list[int]] = field(default_factory=dict, init=False)
 
     @classmethod
@@ -50,7 +51,7 @@ class AdjustmentSearch(AbstractStandSearch):
         cls,
         motion: ObjectMotion,
         side: GoalSide,
-        known_rolls: dict[bytes, tuple[list[RollPlan], str]],
+        known_rolls: dict[bytes, tuple[list[RollPlan], Refusal | None]],
         is_simultaneous: bool = False,
     ) -> AdjustmentSearch:
         """Return a search along the ``motion`` that leads to the goal's pose."""
@@ -70,13 +71,13 @@ class AdjustmentSearch(AbstractStandSearch):
         if not self._last:
             self.chosen = number
             if is_same(start, self.side.goal):
-                return Adjustment((), "")
+                return Adjustment(())
             X_WO = self.side.X_WO
             rolled = roll_all_the_way(self._hand, self.side.admissibility, X_WO, start, self.side.goal)
             if rolled is not None:
                 why = "they roll to their goal contacts"
                 moves = [Move("roll", None, r.contacts, X_WO, r.margins, r.rolls, why) for r in rolled]
-                return Adjustment(tuple(moves), "")
+                return Adjustment(tuple(moves))
         self._dead_end = self._begin(number, start)
         return None
 
@@ -98,7 +99,7 @@ class AdjustmentSearch(AbstractStandSearch):
                 self._refuse(refusal, node)
                 continue
             if best is None:
-                until = min(until, 2 * self.opened + PATIENCE)
+                until = min(until, 2 * self.opened + NODES_TO_IMPROVE)
             if best is None or node.spent < best.spent:
                 best, option = node, self._options[self._label(node)]
             if not self.is_simultaneous:
@@ -106,22 +107,22 @@ class AdjustmentSearch(AbstractStandSearch):
         if best is not None:
             self.chosen = trace_back(best)[0].start
             return Adjustment(
-                build_moves(self.layers, best, self.side.goal, option), "", self.opened - before
+                build_moves(self.layers, best, self.side.goal, option), opened=self.opened - before
             )
-        reason = self._dead_end or self.side.refusal or self.explain()
+        refusal = self._dead_end or self.side.refusal or self.explain()
         if not self.is_exhausted:
-            reason = f"{reason} ({self.opened} nodes were opened)"
-        return Adjustment(None, reason, self.opened - before, is_exhausted=self.is_exhausted)
+            refusal = replace(refusal, words=f"{refusal} ({self.opened} nodes were opened)")
+        return Adjustment(None, refusal, self.opened - before, is_exhausted=self.is_exhausted)
 
     # -- where it begins and ends ----------------------------------------------------------------------------------------
 
-    def _begin(self, number: int, start: Contacts) -> str:
-        """Begin with a grasp; return why no finger of it can ever be lifted, "" if one can."""
+    def _begin(self, number: int, start: Contacts) -> Refusal | None:
+        """Begin with a grasp; return why no finger of it can ever be lifted, None if one can."""
         first = self.layers.poses[0]
         stand = tuple(None if c is None else first.add(c, self._name(c)) for c in start)
         self._push(Node(0, stand, 0.0, start=number))
         if first.has_pair(stand) or sum(s is not None for s in stand) < 3:
-            return ""
+            return None
         options, refusal = self._unroll(first.X_WO, start)
         for option in options:
             after = tuple(None if c is None else first.add(c, self._name(c)) for c in option.contacts)
@@ -137,22 +138,22 @@ class AdjustmentSearch(AbstractStandSearch):
         is_there = goal is not None and measure_angle(goal.normal_O, contact.normal_O) < 1e-6
         return 0 if is_there else None
 
-    def _unroll(self, X_WO: Array, start: Contacts) -> tuple[list[RollPlan], str]:
-        """Return ways to roll contacts apart until two of them hold, and why there is none ("" if there is one)."""
+    def _unroll(self, X_WO: Array, start: Contacts) -> tuple[list[RollPlan], Refusal | None]:
+        """Return ways to roll contacts apart until two of them hold, and why there is none (None if there is one)."""
         key = b"".join([np.round(X_WO, 9).tobytes(), *(np.round(c.X_OF, 9).tobytes() for c in start if c)])
         if key not in self.known_rolls:
             search = RollEveryPair(self._hand, X_WO, start, self.side.admissibility)
             options = search.first_of_every_pair(OPTIONS)
-            self.known_rolls[key] = options, "" if options else search.explain()
-        options, refusal = self.known_rolls[key]
-        if refusal:
-            refusal = f"no two of the start contacts hold, and rolling cannot make two that do: {refusal}"
-        return options, refusal
+            refusal = None
+            if not options:
+                refusal = Refusal(RefusalKind.CANNOT_ROLL_APART, ("start",), because=search.explain())
+            self.known_rolls[key] = options, refusal
+        return self.known_rolls[key]
 
     def _label(self, node: Node) -> Labels:
         return self.layers.poses[node.layer].label(node.stand)
 
-    def _check_carries(self, node: Node) -> str:
+    def _check_carries(self, node: Node) -> Refusal | None:
         """Return why an object motion on the way to ``node`` cannot be, looked at closely; notes the margins of all."""
         while node.parent is not None:
             if node.parent.layer != node.layer and not node.margins:
@@ -161,7 +162,7 @@ class AdjustmentSearch(AbstractStandSearch):
                     node.margins = {}
                     return refusal
             node = node.parent
-        return ""
+        return None
 
     # -- search ----------------------------------------------------------------------------------------------------------
 

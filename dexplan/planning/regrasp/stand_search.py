@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.planning.admissible.conditions import without_numbers
 from dexplan.planning.regrasp.layers import Layers
 from dexplan.planning.regrasp.nodes import Entry, Node, change_stand
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.still import Stand
-from dexplan.planning.ways.travel import spell_nearness
+from dexplan.planning.ways.travel import refuse_way
+from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
 
-GREED = 2.5
+HEURISTIC_WEIGHT = 2.5
 """How much more moves still to be made count than those already made."""
 CARRY_COST, START_COST = 0.3, 0.4
 """What a carry from pose to pose counts, and the first one after a relocation in addition; a placement or a lift counts 1."""
@@ -28,7 +28,7 @@ HIDDEN = 0.45
 """What a lift before a carry, or a placement after one, counts less where the finger travels meanwhile."""
 LOAD_COST = 0.4
 """What a landing counts in addition whose pair uses all of the believed cone."""
-SAME = 0.5
+COST_OF_LIKES = 0.5
 """How much later a grasp is opened for every one like it that has been."""
 KINDS = spread_directions(40)
 """Contacts are alike whose directions are nearest to the same one of these."""
@@ -47,7 +47,7 @@ class AbstractStandSearch(ABC):
     opened: int = field(default=0, init=False)
     _heap: list[Entry] = field(default_factory=list, init=False)
     _serial: int = field(default=0, init=False)
-    _refusals: dict[float, dict[str, int]] = field(default_factory=dict, init=False)
+    _refusals: dict[float, RefusalCount] = field(default_factory=dict, init=False)
     _seen: set[tuple[int, Stand]] = field(default_factory=set, init=False)
     _refused_places: dict[tuple[int, int | None, int | None], int] = field(default_factory=dict, init=False)
     _likes: dict[tuple[object, ...], int] = field(default_factory=dict, init=False)
@@ -61,22 +61,21 @@ class AbstractStandSearch(ABC):
         """Whether there is no move left that could be tried."""
         return not self._heap
 
-    def explain(self) -> str:
+    def explain(self) -> Refusal:
         """Return what stopped the search nearest to the goal."""
         if not self._refusals:
-            return "no place lets another finger go"
-        nearest = self._refusals[min(self._refusals)]
-        return min(nearest, key=lambda text: (-nearest[text], text))
+            return Refusal(RefusalKind.NO_PLACE)
+        return self._refusals[min(self._refusals)].list_common(1)[0]
 
-    def _open_next(self, node_budget: int, dearest: float = np.inf) -> Node | None:
+    def _open_next(self, node_budget: int, cost_limit: float = np.inf) -> Node | None:
         """Return the next node whose move can be made; None where nothing, or no budget, is left.
 
-        ``dearest``: a way that counts so much is known.
+        ``cost_limit``: a way that counts so much is known.
         """
         while self._heap and self.opened < node_budget:
             entry = heapq.heappop(self._heap)
             node = entry.node
-            if (node.layer, node.stand) in self._seen or self._bound(node) >= dearest:
+            if (node.layer, node.stand) in self._seen or self._bound(node) >= cost_limit:
                 continue
             # Grasps like those that led nowhere come later: small variations of one idea must not use up the budget.
             kind = self._kind(node)
@@ -124,7 +123,7 @@ class AbstractStandSearch(ABC):
 
     def _rank(self, node: Node) -> float:
         ahead = self._missing(node) + CARRY_COST * (self.layers.last - node.layer)
-        return node.spent + GREED * ahead + node.drawback + SAME * node.waited
+        return node.spent + HEURISTIC_WEIGHT * ahead + node.drawback + COST_OF_LIKES * node.waited
 
     def _push(self, node: Node) -> None:
         rank = self._rank(node)
@@ -132,24 +131,23 @@ class AbstractStandSearch(ABC):
             heapq.heappush(self._heap, Entry(rank, self._serial, node))
             self._serial += 1
 
-    def _refuse(self, refusal: str, node: Node) -> None:
+    def _refuse(self, refusal: Refusal, node: Node) -> None:
         """Count why ``node`` is no way on, among those that come as near to the goal."""
         place = self._place(node)
         if place[-1] is not None:
             self._refused_places[place] = self._refused_places.get(place, 0) + 1
-        text = without_numbers(refusal)
+        because = (refusal,)
         if node.changed is not None:
             name, spot = self.layers.hand.fingers[node.changed].name, node.stand[node.changed]
             label = None if spot is None else self.layers.poses[node.layer].labels[spot]
-            is_goal = label is not None
-            text = f"{name} cannot {'take its goal contact' if is_goal else 'be relocated'}, {text}"
+            kind = RefusalKind.CANNOT_RELOCATE if label is None else RefusalKind.CANNOT_TAKE_GOAL
+            refusal = Refusal(kind, (name,), because=because)
         else:
-            text = f"the object cannot be carried on, {text}"
-        counts = self._refusals.setdefault(self._missing(node), {})
-        counts[text] = counts.get(text, 0) + 1
+            refusal = Refusal(RefusalKind.CANNOT_CARRY_ON, because=because)
+        self._refusals.setdefault(self._missing(node), RefusalCount()).add(refusal)
 
-    def _check(self, node: Node) -> str:
-        """Return why the move that leads to ``node`` cannot be made; "" if it can."""
+    def _check(self, node: Node) -> Refusal | None:
+        """Return why the move that leads to ``node`` cannot be made; None if it can."""
         still = self.layers.poses[node.layer]
         row = still.judge(node.stand)
         if not row.is_admissible:
@@ -159,13 +157,13 @@ class AbstractStandSearch(ABC):
             return refusal
         node.margins = row.as_dict()
         if node.parent is None:
-            return ""
+            return None
         way = still.find_change(node.parent.stand, node.stand)
         node.way = way if way.around else None
         node.margins["clearance_mm"] = min(node.margins["clearance_mm"], 1e3 * way.clearance)
         if way.clearance < self.layers.hand.limits.clearance:
-            return spell_nearness(way.names, way.clearance)
-        return ""
+            return refuse_way(self.layers.hand, way.nearest)
+        return None
 
     def _expand(self, node: Node) -> None:
         stand, still = node.stand, self.layers.poses[node.layer]

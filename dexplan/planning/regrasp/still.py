@@ -23,7 +23,8 @@ from dexplan.planning.admissible.order import keeps_order
 from dexplan.planning.admissible.separation import compute_opposition, compute_pair_angle_max
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
-from dexplan.plans.plan import Placement
+from dexplan.plans.contacts import Placement
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.spatial import Array, invert_pose
 
 Stand = tuple[int | None, ...]
@@ -176,7 +177,7 @@ class StillContacts:
                 states, self.postures(stand), self.X_WO, explain=False
             )
             if row.is_admissible and not self._keeps_order(stand):
-                row = replace(row, refusal="the fingers would change their order")
+                row = replace(row, refusal=Refusal(RefusalKind.ORDER))
             self._margins[stand] = row
         return self._margins[stand]
 

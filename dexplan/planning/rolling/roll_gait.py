@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -21,16 +20,21 @@ from dexplan.kinematics.arcs import build_travel, compute_hover, refine
 from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.kinematics.following import follow_tip
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, compute_finger_states, worst
+from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
 from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.admissible.tip_rotation import (
     ROUNDING,
-    describe_rotation,
     measure_rotation,
+    refuse_sweep,
     trace_on_tip,
 )
-from dexplan.plans.plan import MAY, MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.plans.roll import Roll
+from dexplan.plans.actions import Relocate, Roll
+from dexplan.plans.contacts import Placement, list_holding
+from dexplan.plans.motion import rest_at
+from dexplan.plans.phases import PlannedPhase, build_lifting, demand_touch
+from dexplan.plans.refusal import Key, Refusal, RefusalCount, RefusalKind
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
 
 STEP = float(np.radians(1.0))
@@ -49,7 +53,7 @@ class RollPlan:
     ``lifted`` those that are lifted; ``margins`` the worst along the way, ``pair_margins`` those of the pair at its end.
     """
 
-    rolls: tuple[Roll, ...]
+    rolls: tuple[TipRoll, ...]
     contacts: tuple[Placement | None, ...]
     pair: tuple[int, int]
     lifted: int
@@ -59,7 +63,7 @@ class RollPlan:
     __repr__ = brief_repr
 
 
-def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: float, count: int) -> Roll:
+def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: float, count: int) -> TipRoll:
     """Return the roll of one finger along a great circle.
 
     Args:
@@ -75,19 +79,19 @@ def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: floa
     return as_roll(placement.finger, path)
 
 
-def as_roll(finger: int, path: RollingPath, leg: int | None = None) -> Roll:
+def as_roll(finger: int, path: RollingPath, leg: int | None = None) -> TipRoll:
     """Return a path of pure rolling as the way of one finger: all of it, or one leg between two corners."""
     samples = slice(None) if leg is None else slice(path.corners[leg], path.corners[leg + 1] + 1)
-    return Roll(finger, path.X_OF[samples], path.n_O[samples])
+    return TipRoll(finger, path.X_OF[samples], path.n_O[samples])
 
 
-def follow_roll(hand: HandModel, X_WO: Array, roll: Roll, q_start: Array) -> tuple[Array, str]:
-    """Return the postures along a roll, and why it cannot be done to its end ("" where it can).
+def follow_roll(hand: HandModel, X_WO: Array, roll: TipRoll, q_start: Array) -> tuple[Array, Refusal | None]:
+    """Return the postures along a roll, and why it cannot be done to its end (None where it can).
 
     ``X_WO`` (4, 4) or (K, 4, 4) is where the object is; the postures (L, J) stop with the last one that can be held.
     """
     description, limits = hand.fingers[roll.finger], hand.limits
-    chain, count = description.chain, roll.count
+    chain, count, name = description.chain, roll.count, description.name
     X_WF = X_WO @ roll.X_OF
     lean = np.arccos(np.clip(-np.sum(roll.X_OF[:, :3, 2] * roll.normal_O, axis=1), -1.0, 1.0))
     q = follow_tip(chain, X_WF, q_start)
@@ -105,18 +109,21 @@ def follow_roll(hand: HandModel, X_WO: Array, roll: Roll, q_start: Array) -> tup
     first = min((int(rows[0]) for rows in (leans, stops, rounds) if len(rows)), default=len(q))
     if first in leans:
         far, most = spell_apart(np.degrees(lean[first]), np.degrees(hand.tip_polar_limit), 0)
-        refusal = f"{description.name} would roll {far} deg off its tip's pole, and {most} deg are allowed"
-        return q[:first], refusal
+        words = f"{name} would roll {far} deg off its tip's pole, and {most} deg are allowed"
+        limit = hand.tip_polar_limit
+        return q[:first], Refusal(RefusalKind.TIP_POLE, (name,), float(lean[first]), limit, words=words)
     if first in rounds:
-        return q[:first], describe_rotation(hand, roll.finger, float(swept[first]))
+        return q[:first], refuse_sweep(hand, roll.finger, float(swept[first]))
     if first in stops:
-        return q[:first], f"{description.name} comes to a joint limit while it rolls"
+        words = f"{name} comes to a joint limit while it rolls"
+        return q[:first], Refusal(RefusalKind.JOINT_LIMIT, (name,), words=words)
     if len(q) < count:
-        return q, f"{description.name} comes to the end of its workspace while it rolls"
-    return q, ""
+        words = f"{name} comes to the end of its workspace while it rolls"
+        return q, Refusal(RefusalKind.OUT_OF_REACH, (name,), words=words)
+    return q, None
 
 
-def end_placement(roll: Roll, placement: Placement, q: Array) -> Placement:
+def end_placement(roll: TipRoll, placement: Placement, q: Array) -> Placement:
     """Return where a finger touches after its roll."""
     radius = float(np.linalg.norm(placement.point_O))
     normal = roll.normal_O[-1]
@@ -125,10 +132,10 @@ def end_placement(roll: Roll, placement: Placement, q: Array) -> Placement:
 
 def judge_ways(
     hand: HandModel, admissibility: Admissibility, X_WO: Array, ways: dict[int, Array], explain: bool = False
-) -> tuple[list[Margins], str]:
+) -> tuple[list[Margins], Refusal | None]:
     """Return the margins of holding the object at ``X_WO`` (4, 4) with all fingers of ``ways`` along their postures (K, J).
 
-    Stops at the first sample that is refused, with the refusal ("" where there is none); the end is asked first.  ``explain``:
+    Stops at the first sample that is refused, with the refusal (None where there is none); the end is asked first.  ``explain``:
     a refusal for the load names what is short, which takes longer than the rest.
     """
     states = {i: compute_finger_states(hand, i, way) for i, way in ways.items()}
@@ -142,7 +149,7 @@ def judge_ways(
         rows.append(admissibility.compute_margins_of(here, q, X_WO, explain=explain))
         if not rows[-1].is_admissible:
             return rows, rows[-1].refusal
-    return rows, ""
+    return rows, None
 
 
 @dataclass(eq=False)
@@ -153,8 +160,8 @@ class RollToPair:
     X_WO: Array
     contacts: tuple[Placement | None, ...]
     admissibility: Admissibility
-    refusals: dict[str, int] = field(default_factory=dict)
-    _first_refused: dict[str, dict[int, Array]] = field(default_factory=dict)
+    refusals: RefusalCount = field(default_factory=RefusalCount)
+    _first_refused: dict[Key, dict[int, Array]] = field(default_factory=dict)
 
     def options(self) -> Iterator[RollPlan]:
         """Yield admissible rolls, pairs in the order of their straight-line distance, the smallest opening first."""
@@ -164,16 +171,16 @@ class RollToPair:
             for third in (c for c in touching if c is not a and c is not b):
                 yield from self._open(a, b, third)
 
-    def explain(self) -> str:
-        """Return the most common reasons why a way was refused."""
-        common = sorted(self.refusals, key=lambda text: (-self.refusals[text], text))[:2]
-        named = (
-            judge_ways(self.hand, self.admissibility, self.X_WO, self._first_refused[text], explain=True)[1]
-            if text in self._first_refused
-            else text
-            for text in common
-        )
-        return "; ".join(named) or "no pair of contacts can be opened far enough"
+    def explain(self) -> tuple[Refusal, ...]:
+        """Return the most common reasons why a way was refused, those of a load with what is short."""
+        return tuple(map(self._name, self.refusals.list_common(2))) or (Refusal(RefusalKind.PAIR_NOT_OPENED),)
+
+    def _name(self, refusal: Refusal) -> Refusal:
+        ways = self._first_refused.get(refusal.key)
+        if ways is None:
+            return refusal
+        named = judge_ways(self.hand, self.admissibility, self.X_WO, ways, explain=True)[1]
+        return named or refusal
 
     def _open(self, a: Placement, b: Placement, third: Placement) -> Iterator[RollPlan]:
         limits = self.hand.limits
@@ -191,32 +198,29 @@ class RollToPair:
         # Whether the pair can roll and then holds alone does not depend on where the third finger goes meanwhile.
         rolls, postures, refusal = self._roll_pair(a, b, wider)
         if refusal:
-            self._refuse(refusal)
+            self.refusals.add(refusal)
             return None
         for follow in FOLLOW:
             found, refusal = self._try(rolls, postures, (a, b, third), float(np.radians(follow)))
             if found is not None:
                 return found
             if refusal:
-                self._refuse(refusal)
+                self.refusals.add(refusal)
         return None
 
-    def _judge(self, ways: dict[int, Array]) -> tuple[list[Margins], str]:
+    def _judge(self, ways: dict[int, Array]) -> tuple[list[Margins], Refusal | None]:
         """Judge ways; note the first of every kind that is refused."""
         rows, refusal = judge_ways(self.hand, self.admissibility, self.X_WO, ways)
         if refusal:
-            self._first_refused.setdefault(refusal, ways)
+            self._first_refused.setdefault(refusal.key, ways)
         return rows, refusal
-
-    def _refuse(self, refusal: str) -> None:
-        self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
 
     def _roll_pair(
         self, a: Placement, b: Placement, wider: float
-    ) -> tuple[list[Roll], dict[int, Array], str]:
-        """Return the rolls that open the pair by ``wider`` [rad], its postures (K, J) on the way, and why it fails ("")."""
+    ) -> tuple[list[TipRoll], dict[int, Array], Refusal | None]:
+        """Return the rolls that open the pair by ``wider`` [rad], its postures (K, J) on the way, and why it fails (None)."""
         count = max(16, int(np.ceil(0.5 * wider / STEP)) + 1)
-        rolls: list[Roll] = []
+        rolls: list[TipRoll] = []
         ways = {x.finger: np.repeat(x.q[None], count, axis=0) for x in (a, b)}
         for x, y in ((a, b), (b, a)):
             if wider > 0.0:
@@ -229,11 +233,11 @@ class RollToPair:
 
     def _try(
         self,
-        pair_rolls: list[Roll],
+        pair_rolls: list[TipRoll],
         pair_ways: dict[int, Array],
         fingers: tuple[Placement, Placement, Placement],
         follow: float,
-    ) -> tuple[RollPlan | None, str]:
+    ) -> tuple[RollPlan | None, Refusal | None]:
         """Return the plan in which the pair rolls as given while the third finger rolls by ``follow`` [rad]; else why not."""
         a, b, third = fingers
         count = len(pair_ways[a.finger])
@@ -241,10 +245,8 @@ class RollToPair:
         if follow != 0.0:
             toward = -a.normal_O - b.normal_O
             if np.linalg.norm(np.cross(toward, third.normal_O)) < 1e-9:
-                return (
-                    None,
-                    "",
-                )  # it stands opposite the other two already: there is no side to which it could follow
+                # It stands opposite the other two already: there is no side to which it could follow.
+                return None, None
             rolls.append(build_roll(self.hand, third, toward, follow, count))
             ways[third.finger], refusal = follow_roll(self.hand, self.X_WO, rolls[-1], third.q)
             if refusal:
@@ -264,12 +266,12 @@ class RollToPair:
             RollPlan(
                 tuple(rolls), tuple(contacts), (a.finger, b.finger), third.finger, worst(rows), pair.as_dict()
             ),
-            "",
+            None,
         )
 
     def _check_lift(
         self, contacts: tuple[Placement | None, ...], pair: tuple[int, int], lifted: int
-    ) -> tuple[Margins | None, str]:
+    ) -> tuple[Margins | None, Refusal | None]:
         """Return the margins of holding with the pair alone once the third finger has gone home; else why it cannot go."""
         q = self.hand.q_home.copy()
         for finger in pair:
@@ -285,49 +287,39 @@ class RollToPair:
         way = build_travel(description, description.q_home, hover, self.X_WO[:3, 3])
         margin = float(compute_joint_margin(description.chain, refine(way)).min())
         if margin < compute_travel_margin(self.hand, lifted):
-            return (
-                None,
-                f"{description.name} comes within {np.degrees(margin):.1f} deg of a joint limit when it leaves",
-            )
-        clearance, names = self.admissibility.compute_path_clearance(q, self.X_WO, lifted, way, pair)
-        if clearance < self.hand.limits.clearance:
-            return None, f"{names} too near when {description.name} leaves"
-        return held, ""
+            needed = compute_travel_margin(self.hand, lifted)
+            cause = Refusal(RefusalKind.JOINT_LIMIT, (description.name,), margin, needed)
+            words = f"{description.name} comes within {np.degrees(margin):.1f} deg of a joint limit when it leaves"
+            return None, Refusal(RefusalKind.CANNOT_LEAVE, cause.subject, because=(cause,), words=words)
+        nearest = self.admissibility.find_nearest_on_path(q, self.X_WO, lifted, way, pair)
+        if nearest.distance < self.hand.limits.clearance:
+            cause = refuse_nearness(nearest, self.hand.limits.clearance)
+            return None, Refusal(RefusalKind.CANNOT_LEAVE, (description.name,), because=(cause,))
+        return held, None
 
 
-def build_roll_actions(plan: RollPlan, hand: HandModel, X_WO: Array, axis_W: Array) -> tuple[Action, Action]:
+def build_roll_actions(plan: RollPlan, hand: HandModel, X_WO: Array, axis_W: Array) -> tuple[Roll, Relocate]:
     """Return the actions of a roll plan: all fingers that touch hold while some roll, then the third one lifts."""
-    holding = tuple(i for i, c in enumerate(plan.contacts) if c is not None)
     after = tuple(None if i == plan.lifted else c for i, c in enumerate(plan.contacts))
-    touch = tuple(MUST_NOT if c is None else MUST for c in plan.contacts)
     i, j = (hand.fingers[f].name for f in plan.pair)
-    still: dict[str, Any] = {"X_WO_start": X_WO, "X_WO_end": X_WO, "axis_W": axis_W, "angle": 0.0}
-    roll = Action(
-        kind="roll",
-        finger=None,
-        grasping=holding,
+    still = rest_at(X_WO, axis_W)
+    roll = Roll(
+        motion=still,
+        grasping=list_holding(plan.contacts),
         contacts_end=plan.contacts,
-        phases=(PlannedPhase("roll", touch),),
+        phases=(PlannedPhase("roll", demand_touch(plan.contacts)),),
         why=f"no two contacts are force closed; {i} and {j} roll apart until they are",
         margins=plan.margins,
         rolls=plan.rolls,
-        **still,
     )
-    gone = tuple(MUST_NOT if k == plan.lifted else t for k, t in enumerate(touch))
-    leaving = tuple(MAY if k == plan.lifted else t for k, t in enumerate(touch))
-    lift = Action(
-        kind="lift",
+    lift = Relocate(
         finger=plan.lifted,
+        motion=still,
         grasping=plan.pair,
         contacts_end=after,
-        phases=(
-            PlannedPhase("unload", touch),
-            PlannedPhase("retreat", leaving),
-            PlannedPhase("travel", gone),
-        ),
+        phases=build_lifting(plan.lifted, plan.contacts, after),
         why=f"{i} and {j} now hold alone",
         margins=plan.pair_margins,
-        **still,
     )
     return roll, lift
 

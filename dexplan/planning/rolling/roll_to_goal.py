@@ -19,8 +19,8 @@ from dexplan.planning.rolling.roll_gait import (
     follow_roll,
     judge_ways,
 )
-from dexplan.plans.plan import Placement
-from dexplan.plans.roll import Roll
+from dexplan.plans.contacts import Contacts
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
 
 ROLL_REACH = float(np.radians(45.0))
@@ -28,14 +28,13 @@ ROLL_REACH = float(np.radians(45.0))
 
 WIDER = np.radians((0.5, 3.0, 8.0))
 """How much wider than needed a pair is rolled apart [rad]."""
-Contacts = tuple[Placement | None, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Rolled:
     """Rolls of some fingers at the same time, the contacts of all fingers afterwards, and the worst margins on the way."""
 
-    rolls: tuple[Roll, ...]
+    rolls: tuple[TipRoll, ...]
     contacts: Contacts
     margins: dict[str, float]
 

@@ -15,8 +15,12 @@ import numpy as np
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import end_placement, follow_roll
-from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
-from dexplan.plans.roll import Roll
+from dexplan.plans.actions import MoveObject
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.phases import PlannedPhase, demand_touch
+from dexplan.plans.refusal import Refusal
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, rotate_about
 
 STEP = float(np.radians(1.0))
@@ -25,18 +29,18 @@ STEP = float(np.radians(1.0))
 
 @dataclass(frozen=True, eq=False)
 class RollingTurn:
-    """A turn of the object on rolling contacts: as far as it goes, and what ends it (``limit`` is "" at the wanted angle)."""
+    """A turn of the object on rolling contacts: as far as it goes, and what ends it (``limit`` is None at the wanted angle)."""
 
-    action: Action | None
+    action: MoveObject | None
     angle: float
-    limit: str
+    limit: Refusal | None
     limiting_finger: int | None
     margins: dict[str, float] = field(default_factory=dict)
 
 
 def build_carry_roll(
     hand: HandModel, placement: Placement, axis_O: Array, angle: float, share: float, count: int
-) -> Roll:
+) -> TipRoll:
     """Return how a tip rolls on a ball that turns by ``angle`` [rad] about ``axis_O`` (3,), the unit axis in object axes.
 
     In the object the tip turns at ``w = -share (a - (a . n) n)`` per radian, which has no part along the normal, and the contact
@@ -58,14 +62,14 @@ def build_carry_roll(
     X[:, :3, :3] = around @ inner @ placement.X_OF[:3, :3]
     normals = around @ n
     X[:, :3, 3] = (R + r) * normals
-    return Roll(placement.finger, X, normals)
+    return TipRoll(placement.finger, X, normals)
 
 
 def plan_rolling_turn(
     hand: HandModel,
     admissibility: Admissibility,
     X_WO: Array,
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     axis_W: Array,
     angle: float,
     share: float,
@@ -80,7 +84,8 @@ def plan_rolling_turn(
     turned[:, :3, :3] = rotate_about(axis_W, np.linspace(0.0, angle, count)) @ X_WO[:3, :3]
     held = [c for c in contacts if c is not None]
     rolls = [build_carry_roll(hand, c, axis_O, angle, share, count) for c in held]
-    ways, limit, finger, last = {}, "", None, count - 1
+    ways, finger, last = {}, None, count - 1
+    limit: Refusal | None = None
     for placement, roll in zip(held, rolls, strict=True):
         q, refusal = follow_roll(hand, turned, roll, placement.q)
         ways[placement.finger] = q
@@ -98,25 +103,20 @@ def plan_rolling_turn(
         rows.append(row)
     if last < 2:
         return RollingTurn(None, 0.0, limit, finger)
-    cut = [Roll(roll.finger, roll.X_OF[: last + 1], roll.normal_O[: last + 1]) for roll in rolls]
+    cut = [TipRoll(roll.finger, roll.X_OF[: last + 1], roll.normal_O[: last + 1]) for roll in rolls]
     after = list(contacts)
     for placement, roll in zip(held, cut, strict=True):
         after[placement.finger] = end_placement(roll, placement, ways[placement.finger][last])
     reached = float(angle * last / (count - 1))
     names = " and ".join(hand.fingers[c.finger].name for c in held)
-    action = Action(
-        kind="move_object",
-        finger=None,
+    action = MoveObject(
+        motion=ObjectMotion(X_WO, axis_W, reached, np.zeros(3)),
         grasping=tuple(sorted(ways)),
-        X_WO_start=X_WO,
-        X_WO_end=turned[last],
-        axis_W=axis_W,
-        angle=reached,
         contacts_end=tuple(after),
-        phases=(PlannedPhase("move", tuple(MUST_NOT if c is None else MUST for c in contacts)),),
+        phases=(PlannedPhase("move", demand_touch(contacts)),),
         why=f"{names} roll on the object while it turns" + (f", until {limit}" if limit else ""),
         limiting_finger=finger,
-        limit=limit or None,
+        limit=None if limit is None else str(limit),
         margins=worst(rows),
         rolls=tuple(cut),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -9,12 +10,15 @@ import numpy as np
 from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.planning.admissible.aligned import build_aligned
-from dexplan.planning.admissible.conditions import Condition, classify_nearness, explain_locked_joint
+from dexplan.planning.admissible.conditions import Condition, find_unmet, refuse_locked_joint, refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import list_others
+from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.pair_survey import find_nearest_at_home
+from dexplan.plans.contacts import Placement
 from dexplan.plans.goal import RotationGoal
-from dexplan.plans.plan import Placement
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.scene.description import STANDING, Nearness
 from dexplan.spatial import Array, make_pose
 
@@ -22,41 +26,42 @@ StartContact = Array | Placement
 """An outward normal (3,) in W, a tip pose X_OF (4, 4) in the object frame, or the placement with which a finger came there."""
 
 
-def explain_obstruction(hand: HandModel, waiting: tuple[int, ...] | None = None) -> str:
-    """Return what is in the way of any plan, and the cure; "" where nothing is.
+def find_obstruction(hand: HandModel, waiting: tuple[int, ...] | None = None) -> No | None:
+    """Return what is in the way of any plan, and the cure; None where nothing is.
 
     ``waiting``: the fingers that are free at the start, None where the planner chooses.  A finger that holds is not at home, so
     that what is in the way there matters only for fingers that have to be.
     """
     for overlap in hand.probe.find_overlaps():
-        return (
-            f"{overlap.names} overlap by {-1e3 * overlap.distance:.1f} mm wherever the fingers are; "
-            f"{_suggest_cure_of_overlap(overlap)}"
-        )
+        cure = Cure(_suggest_cure_of_overlap(overlap))
+        refusal = Refusal(RefusalKind.OVERLAP, overlap.bodies, -overlap.distance, cure=cure)
+        return No(Status.BLOCKED, f"{refusal}; {cure}", refusal)
     everyone, X_WO = tuple(range(len(hand.fingers))), hand.object.X_WO_home
     nearest = hand.probe.find_nearest(hand.q_home, X_WO, (), everyone)
     if nearest.distance < hand.limits.clearance:
-        return _spell(hand, nearest, "where the object is at the start", Condition.STANDING)
+        return _block(hand, nearest, "where the object is at the start", Condition.STANDING)
     at_home = {f: find_nearest_at_home(hand, X_WO, f) for f in everyone}
     blocked = [f for f in everyone if at_home[f].distance < hand.limits.clearance]
     if waiting is None:
         # Two fingers hold and the others wait: is there a choice of two that leaves nobody blocked waiting?
         if any(set(blocked) <= set(pair) for pair in combinations(everyone, 2)):
-            return ""
+            return None
         waiting = tuple(blocked)
     for finger in waiting:
         if finger in blocked:
-            kind = classify_nearness(at_home[finger])
             where = f"while {hand.fingers[finger].name} is at home, where a free finger waits"
-            return _spell(
-                hand, at_home[finger], where, kind if kind is Condition.STANDING else Condition.WAITING
+            is_standing = STANDING in at_home[finger].owners
+            return _block(
+                hand, at_home[finger], where, Condition.STANDING if is_standing else Condition.WAITING
             )
-    return ""
+    return None
 
 
-def _spell(hand: HandModel, nearest: Nearness, where: str, cure: str) -> str:
+def _block(hand: HandModel, nearest: Nearness, where: str, cure: Condition) -> No:
     left, kept = spell_apart(1e3 * nearest.distance, 1e3 * hand.limits.clearance)
-    return f"{nearest.names} come within {left} mm {where}, and {kept} mm have to be left; {cure}"
+    words = f"{nearest.names} come within {left} mm {where}, and {kept} mm have to be left"
+    refusal = replace(refuse_nearness(nearest, hand.limits.clearance), cure=Cure(cure.value), words=words)
+    return No(Status.BLOCKED, f"{words}; {cure}", refusal)
 
 
 def _suggest_cure_of_overlap(overlap: Nearness) -> str:
@@ -67,13 +72,12 @@ def _suggest_cure_of_overlap(overlap: Nearness) -> str:
     return "use a smaller tip (hand.tip_radii_m), or widen hand.joint_ranges_deg"
 
 
-def explain_contact(
+def refuse_contact(
     hand: HandModel, finger: int, center: Array, normal: Array, X_WF: Array | None = None
-) -> tuple[Condition | None, str]:
-    """Return which condition a finger does not meet that touches along ``normal`` (3,) in W, and how, wherever the others are.
+) -> Refusal | None:
+    """Return why a finger cannot touch along ``normal`` (3,) in W, wherever the others are; None where it alone can.
 
-    The object is at ``center`` (3,) [m]; ``X_WF`` (4, 4) is the tip's whole pose where that is given.  None and "it lies outside
-    ..." where it is out of reach; None and "" where nothing is wrong with this finger alone.
+    The object is at ``center`` (3,) [m]; ``X_WF`` (4, 4) is the tip's whole pose where that is given.
     """
     limits, description = hand.limits, hand.fingers[finger]
     chain, workspace = description.chain, hand.workspaces[finger]
@@ -81,7 +85,9 @@ def explain_contact(
     if len(workspace.postures):
         solved, reached = solve_tip_pose(workspace, X, counts_spin=X_WF is not None)
     if not len(workspace.postures) or not reached[0]:
-        return None, "it lies outside the finger's workspace"
+        return Refusal(
+            RefusalKind.OUT_OF_REACH, (description.name,), words="it lies outside the finger's workspace"
+        )
     q = solved[0]
     if chain.has_tip_roll and X_WF is None:
         q[-1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
@@ -92,35 +98,44 @@ def explain_contact(
         left = (
             f"{np.degrees(abs(room[joint])):.1f} deg {'from' if room[joint] >= 0.0 else 'beyond'} its limit"
         )
-        return (
-            Condition.JOINTS,
-            f"{name} would be {left}, and {np.degrees(limits.joint_margin):.3g} deg are kept",
+        words = f"{name} would be {left}, and {np.degrees(limits.joint_margin):.3g} deg are kept"
+        return Refusal(
+            RefusalKind.JOINT_LIMIT, (description.name,), float(room[joint]), limits.joint_margin, words=words
         )
     if float(estimate_dexterity(chain, q[None])[0]) < limits.dexterity:
-        return Condition.POSTURE, "its posture would be nearly singular"
+        words = "its posture would be nearly singular"
+        return Refusal(RefusalKind.SINGULAR, (description.name,), words=words)
     posture = hand.q_home.copy()
     posture[finger] = q
     nearest = hand.probe.find_nearest(posture, make_pose(p=center), (finger,), list_others(hand, finger))
     if nearest.distance < limits.clearance:
         gaps = spell_apart(1e3 * nearest.distance, 1e3 * limits.clearance)
-        why = f"{nearest.names} would come within {gaps[0]} mm, and {gaps[1]} mm have to be left"
-        return classify_nearness(nearest), why
-    return None, ""
+        words = f"{nearest.names} would come within {gaps[0]} mm, and {gaps[1]} mm have to be left"
+        return replace(refuse_nearness(nearest, limits.clearance), words=words)
+    return None
 
 
-def explain_start_contact(hand: HandModel, X_WO: Array, finger: int, given: StartContact) -> tuple[str, str]:
-    """Return the status and the reason that refuse a start contact which its finger cannot hold, whatever the others do."""
+def refuse_start_contact(hand: HandModel, X_WO: Array, finger: int, given: StartContact) -> No:
+    """Return the answer to a start contact which its finger cannot hold, whatever the others do."""
     pose = given.X_OF if isinstance(given, Placement) else given
     X_WF = X_WO @ pose if pose.shape == (4, 4) else None
-    condition, why = explain_contact(hand, finger, X_WO[:3, 3], find_start_normal(X_WO, given), X_WF)
-    if condition is Condition.JOINTS and (locked := explain_locked_joint(hand, finger)):
-        why = locked
-    why = why or "its joints would come too near to their limits"
-    cure = f"{condition}, or " if condition in (Condition.STANDING, Condition.JOINTS) else ""
-    return "blocked" if condition is Condition.STANDING else "start_unreachable", (
-        f"{hand.fingers[finger].name} cannot hold its start contact: {why}; "
-        f'{cure}move the contact towards the finger, or set start.contacts_deg = "auto"'
-    )
+    refusal = refuse_contact(hand, finger, X_WO[:3, 3], find_start_normal(X_WO, given), X_WF)
+    name = hand.fingers[finger].name
+    if refusal is None:
+        # Whatever the others do, one state alone is held: it is the way on from there that its joints do not give.
+        words = "its joints would come too near to their limits"
+        refusal = Refusal(RefusalKind.JOINT_LIMIT, (name,), words=words)
+        condition = None
+    else:
+        condition = find_unmet(refusal)
+    if condition is Condition.JOINTS:
+        refusal = refuse_locked_joint(hand, finger) or refusal
+    cure = 'move the contact towards the finger, or set start.contacts_deg = "auto"'
+    if condition in (Condition.STANDING, Condition.JOINTS):
+        cure = f"{condition}, or {cure}"
+    status = Status.BLOCKED if condition is Condition.STANDING else Status.START_UNREACHABLE
+    reason = f"{name} cannot hold its start contact: {refusal}; {cure}"
+    return No(status, reason, replace(refusal, cure=Cure(cure)))
 
 
 def find_start_normal(X_WO: Array, given: StartContact) -> Array:
@@ -137,5 +152,5 @@ def may_hold_at(hand: HandModel, goal: RotationGoal, start: tuple[StartContact |
     for finger, given in enumerate(start or ()):
         if given is not None:
             normal = turn @ find_start_normal(goal.X_WO_start, given)
-            reached += not explain_contact(hand, finger, X_WO[:3, 3], normal)[1]
+            reached += refuse_contact(hand, finger, X_WO[:3, 3], normal) is None
     return reached > 1

@@ -17,13 +17,17 @@ from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.actions.overlap import overlap_travel
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.cost import Improvement
+from dexplan.planning.tasks.dead_ends import refuse_end
 from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
+from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import FIRST, Start
-from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Pass
+from dexplan.planning.tasks.passes import PASSES, Pass
 from dexplan.planning.tasks.stages import Stages
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 
 KIND = "dextrous_manipulation"
 Order = Literal["object_first", "grasp_first", "simultaneous"]
@@ -62,28 +66,23 @@ def plan_dextrous_manipulation(
         # Three searches vie for the shortest time already.
         improvement = FIRST
     stages = Stages(hand, goal.X_WO_start, start, contacts, node_budget, primitives, improvement)
-    if stages.start_refusal:
-        return stages.refuse(KIND, goal, stages.hold.status, stages.hold.reason)
-    status, reason = refuse_goal_contacts(hand, contacts)
-    if status:
-        return stages.refuse(KIND, goal, status, reason)
+    if stages.is_start_refused:
+        return stages.refuse_start(KIND, goal)
+    if no := refuse_goal_contacts(hand, contacts):
+        return stages.refuse(KIND, goal, no)
     landed, missing = stages.land_goal(goal.X_WO_goal)
     if missing:
-        return stages.refuse(
-            KIND,
-            goal,
-            "goal_contacts_unreachable",
-            f"{missing} cannot reach the goal contact with the object at its goal; move the contact towards the finger, "
-            + ("shorten goal.translation_m, or " if np.any(goal.shift_W) else "or ")
-            + "choose another attitude",
-        )
-    if refusal := stages.refuse_goal(goal.X_WO_goal, landed):
-        return stages.refuse(
-            KIND,
-            goal,
-            "goal_grasp_inadmissible",
-            f"the goal contacts cannot hold the object at its goal ({refusal}); {suggest_cure(refusal)}",
-        )
+        words = f"{' and '.join(missing)} cannot reach the goal contact with the object at its goal"
+        shorten = "shorten goal.translation_m, or " if np.any(goal.shift_W) else "or "
+        cure = Cure(f"move the contact towards the finger, {shorten}choose another attitude")
+        refusal = Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, missing, cure=cure, words=words)
+        no = No(Status.GOAL_CONTACTS_UNREACHABLE, f"{words}; {cure}", refusal)
+        return stages.refuse(KIND, goal, no)
+    if refused := stages.refuse_goal(goal.X_WO_goal, landed):
+        cure = suggest_cure(refused)
+        reason = f"the goal contacts cannot hold the object at its goal ({refused}); {cure}"
+        no = No(Status.GOAL_GRASP_INADMISSIBLE, reason, replace(refused, cure=cure))
+        return stages.refuse(KIND, goal, no)
     if order == "simultaneous":
         return _plan_simultaneous(stages, goal, compute_duration or (lambda plan: float(len(plan.actions))))
     return _plan_in_order(stages, goal, (1.0,) if order == "object_first" else SHARES, WORK)
@@ -97,7 +96,7 @@ def _plan_in_order(
     is_simultaneous: bool = False,
 ) -> Plan:
     """Return the plan that adjusts the grasp after the first of ``shares`` of the object's way at which that works."""
-    whole = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
+    whole = goal.motion
     ways = [(whole.part(0.0, share), whole.part(share, 1.0)) for share in shares]
     detours = _choose_detours(stages, goal) if len(shares) > 1 and goal.is_attitude else []
     ways += detours[:MOST]
@@ -106,8 +105,8 @@ def _plan_in_order(
     if done.number is not None:
         return stages.build_plan(KIND, goal, done.actions, done.start)
     done = replace(done, gave_up=done.gave_up or len(detours) > MOST)
-    status = GAVE_UP if done.gave_up else "no_dextrous_plan"
-    return stages.refuse(KIND, goal, status, f"{stages.explain_end(done)}, or try another goal.order")
+    status = Status.BUDGET_EXHAUSTED if done.gave_up else Status.NO_DEXTROUS_PLAN
+    return stages.refuse(KIND, goal, refuse_end(stages, status, done, ", or try another goal.order"))
 
 
 def _choose_detours(stages: Stages, goal: RotationGoal) -> list[tuple[ObjectMotion, ObjectMotion]]:
@@ -121,8 +120,7 @@ def _choose_detours(stages: Stages, goal: RotationGoal) -> list[tuple[ObjectMoti
             X_WO = ObjectMotion(end, axis, -angle, np.zeros(3)).X_WO_end
             if not stages.land_goal(X_WO)[1]:
                 there = RotationGoal.from_attitude(goal.X_WO_start, X_WO[:3, :3], goal.shift_W)
-                before = ObjectMotion(goal.X_WO_start, there.axis_W, there.angle, there.shift_W)
-                ways.append((before, ObjectMotion(X_WO, axis, angle, np.zeros(3))))
+                ways.append((there.motion, ObjectMotion(X_WO, axis, angle, np.zeros(3))))
     return ways
 
 
@@ -137,7 +135,7 @@ def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Cal
     solved = [overlap_travel(stages.hand, plan) for plan in plans if plan.is_solved]
     if not solved:
         # Where one of them gave up there may be a way after all.
-        return next((plan for plan in plans if plan.status == GAVE_UP), plans[0])
+        return next((plan for plan in plans if plan.status is Status.BUDGET_EXHAUSTED), plans[0])
 
     def rank(plan: Plan) -> tuple[bool, float]:
         counted = plan.statistics

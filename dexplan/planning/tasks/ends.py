@@ -12,15 +12,19 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.planning.actions.joining import Contacts, follow_actions, without_holds
+from dexplan.planning.actions.joining import follow_actions, without_holds
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.still import StillContacts
 from dexplan.planning.rolling.roll_gait import build_roll_actions
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotations
+from dexplan.plans.actions import Action
+from dexplan.plans.contacts import Contacts
 from dexplan.plans.goal import RotationGoal
-from dexplan.plans.plan import Action, Plan
+from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.spatial import VERTICAL
 
 BUDGETS = (12, 12, 50, 400)
@@ -85,7 +89,7 @@ class Ends:
     node_budget: int
     primitives: tuple[Literal["substitution", "rewind"], ...]
     opened: int = 0
-    why: str = ""
+    why: Refusal | None = None
     found: list[End] = field(default_factory=list)
     is_over: bool = False
     is_cut: bool = False
@@ -134,14 +138,12 @@ class Ends:
                 for plan in islice(plans, MOST):
                     self.opened = before + int(plan.statistics.get("nodes", 0))
                     if not plan.is_solved:
-                        if plan.status == "budget_exhausted":
-                            self.why = f"no gait was found that brings the object there, within {nodes} nodes"
+                        if plan.status is Status.BUDGET_EXHAUSTED:
+                            self.why = Refusal(RefusalKind.GAIT_CUT_SHORT, measured=nodes)
                         else:
                             # What was searched to the end, or refused, will not do with more nodes either.
                             closed.append(beginning)
-                            self.why = self.why or (
-                                f"the object cannot be brought there ({plan.status}: {plan.reason})"
-                            )
+                            self.why = self.why or _refuse_gait(plan)
                         break
                     actions = (*beginning.actions, *without_holds(plan.actions))
                     first = self.contacts if beginning.actions else plan.start_contacts
@@ -152,6 +154,13 @@ class Ends:
                         self.beginnings.insert(0, beginning)
                         yield End(actions, first, follow_actions(self.hand, first, actions))
         self.is_cut = len(closed) < len(self.beginnings)
+
+
+def _refuse_gait(plan: Plan) -> Refusal:
+    """Return the refusal because gaits come to the answer ``plan``, which is a no."""
+    because = () if plan.refusal is None else (plan.refusal,)
+    words = f"the object cannot be brought there ({plan.status}: {plan.reason})"
+    return Refusal(RefusalKind.NOT_BROUGHT, because=because, words=words)
 
 
 def _are_different(a: Contacts, b: Contacts) -> bool:

@@ -22,13 +22,16 @@ from dexplan.planning.admissible.admissibility import (
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
+from dexplan.plans.actions import Action, MoveObject
+from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.goal import RotationGoal
-from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, Plan, PlannedPhase
+from dexplan.plans.motion import ObjectMotion, rest_at
+from dexplan.plans.phases import PlannedPhase, demand_touch
+from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.spatial import Array, read_only
 
-LIMIT_REACHED = "limit_reached"
-"""Status of a plan that goes as far as the grasp can, and not to the goal."""
 CURE = 'allow "substitution" or "rewind" in gait.primitives'
 LOOK_AHEAD = 2.0 * np.pi
 """How far a turn is followed beyond the goal to find its limit [rad]."""
@@ -41,14 +44,14 @@ class FixedReach:
     """How far one grasp takes the object: the admissible part of a motion, and what ends it.
 
     ``count`` samples of ``poses`` (K, 4, 4) are admissible, ``rows`` are their margins, ``ways`` the postures (L, J) per finger.
-    ``limit`` is "" where the motion can be done to its end.
+    ``limit`` is None where the motion can be done to its end.
     """
 
     poses: Array
     count: int
     rows: list[Margins]
     ways: dict[int, Array]
-    limit: str
+    limit: Refusal | None
     limiting_finger: int | None
 
     def __post_init__(self) -> None:
@@ -59,14 +62,15 @@ class FixedReach:
 def compute_fixed_reach(
     hand: HandModel,
     admissibility: Admissibility,
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     motion: ObjectMotion,
     count: int | None = None,
 ) -> FixedReach:
     """Return how far ``contacts``, none of which moves on the object, take it along ``motion`` (``count``: samples of it)."""
     poses = motion.poses(count)
     ways: dict[int, Array] = {}
-    limit, finger, last = "", None, len(poses)
+    finger, last = None, len(poses)
+    limit: Refusal | None = None
     for c in contacts:
         if c is None:
             continue
@@ -81,25 +85,29 @@ def compute_fixed_reach(
 
 
 def _name_limit(
-    hand: HandModel, states: dict[int, list[FingerState]], k: int, refusal: str
-) -> tuple[str, int | None]:
+    hand: HandModel, states: dict[int, list[FingerState]], k: int, refusal: Refusal
+) -> tuple[Refusal, int | None]:
     """Return what ends a motion at sample ``k``, and the finger whose limit it is; None where no single finger's."""
     tight = min(states, key=lambda f: states[f][k].joint)
     state, name = states[tight][k], hand.fingers[tight].name
     if state.joint < hand.limits.joint_margin:
         chain = hand.fingers[tight].chain
         joint = int(np.argmin(np.minimum(state.q - chain.lower, chain.upper - state.q)))
-        return f"{name} comes to a limit of its joint {joint + 1}", tight
+        words = f"{name} comes to a limit of its joint {joint + 1}"
+        return Refusal(
+            RefusalKind.JOINT_LIMIT, (name,), state.joint, hand.limits.joint_margin, words=words
+        ), tight
     stiff = min(states, key=lambda f: states[f][k].dexterity)
     if states[stiff][k].dexterity < hand.limits.dexterity:
-        return f"{hand.fingers[stiff].name} comes near a singular posture", stiff
+        name, stiffness = hand.fingers[stiff].name, float(states[stiff][k].dexterity)
+        return Refusal(RefusalKind.SINGULAR, (name,), stiffness, hand.limits.dexterity), stiff
     return refusal, None
 
 
 def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_budget: int) -> Plan:
     """Return the plan that takes the object towards ``goal`` with its first grasp alone.
 
-    Status "solved" where it gets there.  Else "limit_reached": the actions go as far as the grasp can, and the reason says how
+    ``SOLVED`` where it gets there.  Else ``LIMIT_REACHED``: the actions go as far as the grasp can, and the reason says how
     far that is and what ends it.  ``statistics["reach_deg"]`` is how far this grasp can turn the object about the goal's axis.
     Starts that do not hold are refused as in :func:`plan_rotation`.
     """
@@ -113,7 +121,7 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
     if not plan.is_solved:
         return plan
     admissibility = Admissibility(hand)
-    motion = ObjectMotion(goal.X_WO_start, goal.axis_W, goal.angle, goal.shift_W)
+    motion = goal.motion
     contacts = tuple(
         c if c is None or _is_pose_given(start, c.finger) else center_spin(hand, c, motion)
         for c in plan.start_contacts
@@ -121,7 +129,9 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
     fine = max(len(motion.poses()), int(np.ceil(abs(goal.angle) / FINE)) + 1)
     reach = compute_fixed_reach(hand, admissibility, contacts, motion, fine)
     if reach.count < 1:
-        return replace(plan, status="start_inadmissible", reason=reach.limit, actions=())
+        return replace(
+            plan, status=Status.START_INADMISSIBLE, reason=str(reach.limit), refusal=reach.limit, actions=()
+        )
     is_there = reach.count == len(reach.poses)
     done = motion if is_there else motion.part(0.0, (reach.count - 1) / (len(reach.poses) - 1))
     limit, limiting, further = reach.limit, reach.limiting_finger, 0.0
@@ -140,8 +150,9 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
     reason = f"with fixed contacts the object goes {_spell(goal, share)}, until {limit}; ask for no more than that, or {CURE}"
     return replace(
         plan,
-        status=LIMIT_REACHED,
+        status=Status.LIMIT_REACHED,
         reason=reason,
+        refusal=None if limit is None else replace(limit, cure=Cure(CURE)),
         start_contacts=contacts,
         actions=actions,
         statistics=statistics,
@@ -153,9 +164,7 @@ def _is_pose_given(start: Start, finger: int) -> bool:
     return isinstance(given, Placement) or (given is not None and given.shape == (4, 4))
 
 
-def _contacts_after(
-    contacts: tuple[Placement | None, ...], reach: FixedReach
-) -> tuple[Placement | None, ...]:
+def _contacts_after(contacts: Contacts, reach: FixedReach) -> Contacts:
     last = reach.count - 1
     return tuple(None if c is None else replace(c, q=reach.ways[c.finger][last]) for c in contacts)
 
@@ -173,40 +182,34 @@ def _spell(goal: RotationGoal, share: float) -> str:
 
 
 def _build_actions(
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     reach: FixedReach,
     done: ObjectMotion,
     is_there: bool,
-    limit: str,
+    limit: Refusal | None,
     limiting: int | None,
     furthest: float,
 ) -> tuple[Action, ...]:
     """Return hold, motion, hold."""
-    X, end = done.X_WO_start, reach.poses[reach.count - 1]
-    still = {"axis_W": done.axis_W, "angle": 0.0}
-    first = build_hold(list(contacts), {**still, "X_WO_start": X, "X_WO_end": X}, "let the grasp settle")
+    end = reach.poses[reach.count - 1]
+    first = build_hold(contacts, rest_at(done.X_WO_start, done.axis_W), "let the grasp settle")
     after = _contacts_after(contacts, reach)
     ends = f"this grasp could turn it to {furthest:.1f} deg, where {limit}" if limit else "it could go on"
     last = build_hold(
-        list(after),
-        {**still, "X_WO_start": end, "X_WO_end": end},
+        after,
+        rest_at(end, done.axis_W),
         f"the goal is reached; {ends}" if is_there else f"this is as far as the grasp goes: {limit}",
     )
     if done.is_still:
         return (first, last)
-    move = Action(
-        kind="move_object",
-        finger=None,
+    move = MoveObject(
+        motion=ObjectMotion.between(done.X_WO_start, end, done.axis_W, done.angle),
         grasping=tuple(sorted(reach.ways)),
-        X_WO_start=X,
-        X_WO_end=end,
-        axis_W=done.axis_W,
-        angle=done.angle,
         contacts_end=after,
-        phases=(PlannedPhase("move", tuple(MUST_NOT if c is None else MUST for c in contacts)),),
-        why="contacts stay fixed; until " + ("the goal" if is_there else limit),
+        phases=(PlannedPhase("move", demand_touch(contacts)),),
+        why="contacts stay fixed; until " + ("the goal" if is_there else str(limit)),
         limiting_finger=None if is_there else limiting,
-        limit="the goal" if is_there else limit,
+        limit="the goal" if is_there else str(limit),
         margins=worst(reach.rows),
     )
     return (first, move, last)

@@ -14,17 +14,21 @@ from typing import Literal
 import numpy as np
 
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
-from dexplan.planning.actions.joining import Contacts
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.cost import Improvement
+from dexplan.planning.tasks.dead_ends import refuse_end
 from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
+from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import FIRST, Start
-from dexplan.planning.tasks.passes import GAVE_UP, PASSES, Outcome, scale_work
+from dexplan.planning.tasks.passes import PASSES, Outcome, scale_work
 from dexplan.planning.tasks.reorient import Turns
 from dexplan.planning.tasks.stages import Stages
+from dexplan.plans.contacts import Contacts
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion, rest_at
 from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.spatial import VERTICAL, Array
 
 KIND = "grasp_adjustment"
@@ -54,34 +58,19 @@ def plan_grasp_adjustment(
     """
     stages = Stages(hand, X_WO, start, goal, node_budget, primitives, improvement)
     stay = RotationGoal(X_WO, VERTICAL, 0.0)
-    if stages.start_refusal:
-        return stages.refuse(KIND, stay, stages.hold.status, stages.hold.reason)
-    status, reason = refuse_goal_contacts(hand, goal)
-    if status:
-        return stages.refuse(KIND, stay, status, reason)
+    if stages.is_start_refused:
+        return stages.refuse_start(KIND, stay)
+    if no := refuse_goal_contacts(hand, goal):
+        return stages.refuse(KIND, stay, no)
     contacts, missing = stages.land_goal(X_WO)
-    refusal = "" if missing else stages.refuse_goal(X_WO, contacts)
+    refusal = None if missing else stages.refuse_goal(X_WO, contacts)
     staying: Outcome | None = None
     if not missing and not refusal:
         staying = stages.run(rest_at(X_WO), rest_at(X_WO))
         if staying.is_found:
             return stages.build_plan(KIND, stay, staying.actions, staying.start)
     elif keep_object:
-        if missing:
-            return stages.refuse(
-                KIND,
-                stay,
-                "goal_contacts_unreachable",
-                f"{missing} cannot reach the goal contact with the object where it is, and goal.keep_object wants it there; "
-                "move the contact towards the finger, or set goal.keep_object = false",
-            )
-        return stages.refuse(
-            KIND,
-            stay,
-            "goal_grasp_inadmissible",
-            f"the goal contacts cannot hold the object where it is ({refusal}), and goal.keep_object wants it there; "
-            f"{suggest_cure(refusal)}, or set goal.keep_object = false",
-        )
+        return stages.refuse(KIND, stay, _refuse_to_stay(missing, refusal))
     turns = Turns(stages)
     may_end = partial(_can_return, stages) if keep_object else None
     most = scale_work(TURNS, node_budget)
@@ -104,32 +93,53 @@ def plan_grasp_adjustment(
         tried = _describe_tried(done.tried, len(chosen), is_more)
         # What stopped it where the object is says more than what did elsewhere.
         done = replace(staying or done, gave_up=gave_up, ran_out=done.ran_out or is_more)
-        status = GAVE_UP if gave_up else "no_adjustment"
-        return stages.refuse(KIND, stay, status, stages.explain_end(done, tried) + keep)
+        status = Status.BUDGET_EXHAUSTED if gave_up else Status.NO_ADJUSTMENT
+        return stages.refuse(KIND, stay, refuse_end(stages, status, done, keep, tried))
     if staying is not None:
         nowhere = ": there is no other attitude in which the goal contacts lie within reach and hold" + (
             ", and from which they carry the object back" if keep_object else ""
         )
-        status = GAVE_UP if staying.gave_up else "no_adjustment"
-        return stages.refuse(KIND, stay, status, stages.explain_end(staying) + keep + nowhere)
+        status = Status.BUDGET_EXHAUSTED if staying.gave_up else Status.NO_ADJUSTMENT
+        return stages.refuse(KIND, stay, refuse_end(stages, status, staying, keep + nowhere))
+    return stages.refuse(KIND, stay, _refuse_every_attitude(turns))
+
+
+def _refuse_to_stay(missing: tuple[str, ...], refusal: Refusal | None) -> No:
+    """Return the answer to a goal grasp that cannot be where the object is and has to be there.
+
+    ``missing``: the fingers that do not reach; where all do, ``refusal`` says why the goal contacts do not hold.
+    """
+    leave = "set goal.keep_object = false"
+    if refusal is None:
+        who = " and ".join(missing)
+        words = f"{who} cannot reach the goal contact with the object where it is, and goal.keep_object wants it there"
+        cure = Cure(f"move the contact towards the finger, or {leave}")
+        refusal = Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, missing, cure=cure, words=words)
+        return No(Status.GOAL_CONTACTS_UNREACHABLE, f"{words}; {cure}", refusal)
+    cure = Cure(f"{suggest_cure(refusal)}, or {leave}")
+    reason = f"the goal contacts cannot hold the object where it is ({refusal}), and goal.keep_object wants it there; {cure}"
+    return No(Status.GOAL_GRASP_INADMISSIBLE, reason, replace(refusal, cure=cure))
+
+
+def _refuse_every_attitude(turns: Turns) -> No:
+    """Return the answer to a goal grasp that holds in no attitude of the object."""
     if turns.fault:
-        return stages.refuse(
-            KIND,
-            stay,
-            "goal_grasp_inadmissible",
+        cure = suggest_cure(turns.fault)
+        reason = (
             f"the goal contacts cannot hold the object in any of {turns.refused} attitudes that bring them within reach "
-            f"({turns.fault}); {suggest_cure(turns.fault)}",
+            f"({turns.fault}); {cure}"
         )
-    alone = turns.missing
-    return stages.refuse(
-        KIND,
-        stay,
-        "goal_contacts_unreachable",
-        f"in no attitude of the object can {alone} reach the goal contact; move the object's home nearer to the hand"
-        if alone
-        else "every finger reaches its goal contact in some attitude of the object, but in none do all of them at once; keep the "
-        "fingers' clockwise order and the angles between them, and move the contacts towards where the fingers stand",
-    )
+        return No(Status.GOAL_GRASP_INADMISSIBLE, reason, replace(turns.fault, cure=cure))
+    if alone := turns.missing:
+        words = f"in no attitude of the object can {' and '.join(alone)} reach the goal contact"
+        cure = Cure("move the object's home nearer to the hand")
+    else:
+        words = "every finger reaches its goal contact in some attitude of the object, but in none do all of them at once"
+        cure = Cure(
+            "keep the fingers' clockwise order and the angles between them, and move the contacts towards where the fingers stand"
+        )
+    refusal = Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, alone, cure=cure, words=words)
+    return No(Status.GOAL_CONTACTS_UNREACHABLE, f"{words}; {cure}", refusal)
 
 
 def _can_return(stages: Stages, X_WO: Array, contacts: Contacts) -> bool:
@@ -137,7 +147,7 @@ def _can_return(stages: Stages, X_WO: Array, contacts: Contacts) -> bool:
     turn = RotationGoal.from_attitude(X_WO, stages.X_WO[:3, :3])
     back = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
     held = tuple(None if c is None else center_spin(stages.hand, c, back) for c in contacts)
-    return not plan_coordinated(stages.hand, stages.admissibility, held, back, "")[1]
+    return plan_coordinated(stages.hand, stages.admissibility, held, back, "")[1] is None
 
 
 def _describe_tried(tried: int, chosen: int, is_more: bool) -> str:

@@ -8,25 +8,33 @@ from typing import Literal
 
 import numpy as np
 
-from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import solve_standing
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.conditions import Condition
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.gait.contacts import ContactTable
 from dexplan.planning.gait.cost import Improvement
-from dexplan.planning.gait.escape import ENOUGH, count_room, find_escapes
+from dexplan.planning.gait.escape import MOST_PLACES_COUNTED, count_room, find_escapes
 from dexplan.planning.gait.held import Held
 from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_detours, build_routes, list_swings
 from dexplan.planning.gait.search import CURE, GaitSearch, Node
-from dexplan.planning.gait.start_pairs import explain_unreachable
-from dexplan.planning.tasks.blocked import StartContact, explain_start_contact, may_hold_at
-from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
+from dexplan.planning.gait.start_pairs import refuse_unreachable
+from dexplan.planning.tasks.blocked import (
+    StartContact,
+    may_hold_at,
+    refuse_start_contact,
+)
+from dexplan.planning.tasks.no import No
+from dexplan.planning.tasks.pair_survey import PairSurvey, refuse_every_pair, spell_no_pair
+from dexplan.planning.tasks.start_refusals import refuse_lifting, refuse_start_grasp
+from dexplan.plans.actions import Action
+from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.goal import RotationGoal
-from dexplan.plans.plan import SOLVED, Action, Placement, Plan
+from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.status import Status
 
 Start = tuple[StartContact | None, ...] | None
 """Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
@@ -39,10 +47,8 @@ ROUTE_COST = 12.0
 """The next route is tried whenever so many more nodes have been opened."""
 SPENT = 0.1
 """What every node opened on a route takes from its promise, in placements."""
-DOUBT = 24
+BUDGET_OFF_THE_GRID = 24
 """Nodes that may be opened although no pair of contacts of a grid holds the object at its goal."""
-START_CLOSURE = float(np.radians(1.0))
-"""Angle that a pair to start from keeps to the border of the believed friction cones [rad]; pairs that are chosen keep more."""
 FIRST = Improvement()
 """The first plan is good enough."""
 
@@ -50,21 +56,21 @@ FIRST = Improvement()
 def refuse(
     hand: HandModel,
     goal: RotationGoal,
-    status: str,
+    status: Status,
     reason: str,
-    contacts: tuple[Placement | None, ...] | None = None,
+    refusal: Refusal | None = None,
 ) -> Plan:
     """Return the plan that says why there is none."""
-    nothing: tuple[Placement | None, ...] = (None,) * len(hand.fingers)
-    return _answer(hand, goal, status, reason, contacts or nothing, (), {})
+    nothing: Contacts = (None,) * len(hand.fingers)
+    return replace(_answer(hand, goal, status, reason, nothing, (), {}), refusal=refusal)
 
 
 def _answer(
     hand: HandModel,
     goal: RotationGoal,
-    status: str,
+    status: Status,
     reason: str,
-    contacts: tuple[Placement | None, ...],
+    contacts: Contacts,
     actions: tuple[Action, ...],
     statistics: dict[str, float],
 ) -> Plan:
@@ -127,14 +133,14 @@ class _Planning:
     node_budget: int
     primitives: tuple[Literal["substitution", "rewind"], ...]
     improvement: Improvement
-    contacts: tuple[Placement | None, ...] = ()
+    contacts: Contacts = ()
     searches: list[GaitSearch] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
     is_complete: bool = False
     """Whether every route was begun, and none of the searches has anything left to try."""
 
-    refusal: str = ""
-    """Why no pair of contacts of a grid holds the object at its goal."""
+    doubt: No | None = None
+    """The answer where no pair of contacts of a grid holds the object at its goal."""
 
     def __post_init__(self) -> None:
         self._admissibility = Admissibility(self.hand)
@@ -188,12 +194,12 @@ class _Planning:
 
     def _begin_all(self) -> Plan | None:
         """Begin with the first route, or return the refusal of goal or start."""
-        if refusal := self._check_goal():
+        if no := self._check_goal():
             if not may_hold_at(self.hand, self.goal, self.start):
-                return self._refuse("goal_unreachable", refusal)
+                return self._refuse(no)
             # The grid of contacts that this was asked of is fine, not endless: the start grasp may be what holds there.
-            self.refusal = refusal
-            self.node_budget = min(self.node_budget, DOUBT)
+            self.doubt = no
+            self.node_budget = min(self.node_budget, BUDGET_OFF_THE_GRID)
         first = GaitSearch(self.hand, build_routes(self.goal)[0], self._admissibility, self.primitives)
         self.searches.append(first)
         return self._begin_first(first)
@@ -213,16 +219,16 @@ class _Planning:
         """Return the plan that says why no way was found."""
         first = self.searches[0]
         table = first.tables[0]
-        if self.refusal:
-            return self._refuse("goal_unreachable", self.refusal)
+        if self.doubt:
+            return self._refuse(self.doubt)
         if self.is_complete:
             if self.start is not None and not table.has_pair(self._find_held(table)):
-                return self._refuse("no_admissible_pair", self._explain_pair(table, ""))
-            return self._refuse("no_gait", f"{first.reason}; {self._suggest_cure(first)}")
-        return self._refuse(
-            "budget_exhausted",
-            f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget",
-        )
+                return self._refuse(refuse_lifting(table))
+            cure, refusal = self._suggest_cure(first), first.refusals[0]
+            reason = f"{first.reason}; what may help: {cure}"
+            return self._refuse(No(Status.NO_GAIT, reason, replace(refusal, cure=Cure(cure))))
+        reason = f"no gait within {self.node_budget} nodes ({first.reason}); raise gait.node_budget"
+        return self._refuse(No(Status.BUDGET_EXHAUSTED, reason, first.refusals[0]))
 
     def _suggest_cure(self, search: GaitSearch) -> str:
         """Return what might help against the commonest reasons not to go on; none of it was tried."""
@@ -231,10 +237,11 @@ class _Planning:
             cures.insert(0, Condition.ALLOWED.value)
         if not cures or Condition.FRICTION in search.unmet:
             cures.append(CURE)
-        return f"what may help: {', or '.join(cures)}"
+        return ", or ".join(cures)
 
-    def _refuse(self, status: str, reason: str) -> Plan:
-        return _answer(self.hand, self.goal, status, reason, self.contacts, (), self.statistics)
+    def _refuse(self, no: No) -> Plan:
+        plan = _answer(self.hand, self.goal, no.status, no.reason, self.contacts, (), self.statistics)
+        return replace(plan, refusal=no.refusal)
 
     def _build(self, search: GaitSearch, node: Node) -> Plan:
         steps = search.steps(node)
@@ -242,17 +249,21 @@ class _Planning:
         for placement in steps[0].contacts:
             first[placement.finger] = placement
         actions = build_actions(steps, tuple(first), self.goal.axis_W)
-        return _answer(self.hand, self.goal, SOLVED, "", tuple(first), actions, self.statistics)
+        return _answer(self.hand, self.goal, Status.SOLVED, "", tuple(first), actions, self.statistics)
 
     # -- goal and routes -------------------------------------------------------------------------------------------------
 
-    def _check_goal(self) -> str:
-        """Return why the object cannot be held at a shifted goal by any pair of fingers; "" if it can, or is not shifted."""
+    def _check_goal(self) -> No | None:
+        """Return why the object cannot be held at a shifted goal by any pair of fingers; None if it can, or is not shifted."""
         if not np.any(self.goal.shift_W):
-            return ""
-        why = explain_no_pair(self.hand, self.goal.X_WO_goal, self._admissibility)
+            return None
+        refusal = refuse_every_pair(self.hand, self.goal.X_WO_goal, self._admissibility)
+        if refusal is None:
+            return None
         where = "the goal, ({:.1f}, {:.1f}, {:.1f}) mm from its start".format(*(1e3 * self.goal.shift_W))
-        return why and f"no two fingers can hold the object at {where}: {why}; shorten goal.translation_m"
+        why = spell_no_pair(refusal)
+        reason = f"no two fingers can hold the object at {where}: {why}; shorten goal.translation_m"
+        return No(Status.GOAL_UNREACHABLE, reason, refusal)
 
     def _propose(self, table: ContactTable) -> Iterator[tuple[Leg, ...]]:
         """Yield all routes but the first: those of the goal, and those on which the pair first turns to where there is room.
@@ -270,7 +281,7 @@ class _Planning:
         is_stuck = not room
         if not is_stuck:
             yield from straight
-        if room >= ENOUGH:
+        if room >= MOST_PLACES_COUNTED:
             return
         detours = [build_detours(self.goal, e.axis_W, e.angle) for e in find_escapes(table, pair)]
         yield from (ways[0] for ways in detours)
@@ -337,64 +348,33 @@ class _Planning:
                 continue
             contact = self._contact(table, finger)
             if contact is None:
-                return self._refuse(*explain_start_contact(self.hand, self.goal.X_WO_start, finger, given))
+                return self._refuse(refuse_start_contact(self.hand, self.goal.X_WO_start, finger, given))
             if not table.allows(table.normal(contact), 0):
-                return self._refuse(
-                    "start_not_allowed",
-                    f"the start contact of {self.hand.fingers[finger].name} lies outside object.allowed_regions; move it inside, "
-                    'or set start.contacts_deg = "auto"',
-                )
+                name = self.hand.fingers[finger].name
+                words = f"the start contact of {name} lies outside object.allowed_regions"
+                cure = Cure('move it inside, or set start.contacts_deg = "auto"')
+                refusal = Refusal(RefusalKind.NOT_ALLOWED, (name,), cure=cure, words=words)
+                return self._refuse(No(Status.START_NOT_ALLOWED, f"{words}; {cure}", refusal))
             held.append(contact)
-        placed: list[Placement | None] = [None] * len(self.hand.fingers)
-        for h in held:
-            placed[h.finger] = table.placement(h, 0)
-        self.contacts = tuple(placed)
-        margins = search.judge_start(tuple(held))
-        refusal = margins.refusal
-        if margins.unmet is Condition.STANDING:
-            return self._refuse(
-                "blocked", f"{refusal} at the start; {margins.unmet}, or choose other start contacts"
-            )
-        spare = compute_pair_angle_max(self.hand.friction) - table.pair_angle(tuple(held))
-        if not refusal and len(held) == 2 and spare < START_CLOSURE:
-            refusal = "they are force closed with {} deg to spare, {} are kept".format(
-                *spell_apart(np.degrees(spare), np.degrees(START_CLOSURE))
-            )
-        if refusal and (len(held) < 3 or table.has_pair(tuple(held))):
-            # Two contacts have to hold alone; of three that do not, rolling may make two that do.
-            apart, cure = "", f"move them nearer to opposite, or {CURE}"
-            if not table.has_pair(tuple(held)):
-                apart = f", and two contacts alone have to be {table.needed_angle()}"
-            elif margins.unmet not in (None, Condition.FRICTION):
-                cure = f"choose other start contacts; what may help: {margins.unmet}"
-            return self._refuse(
-                "start_inadmissible", f"the start contacts do not hold the object: {refusal}{apart}; {cure}"
-            )
-        if refusal:
-            return self._refuse("no_admissible_pair", self._explain_pair(table, refusal))
+        placed = {h.finger: table.placement(h, 0) for h in held}
+        self.contacts = tuple(placed.get(k) for k in range(len(self.hand.fingers)))
+        if refused := refuse_start_grasp(table, tuple(held), search.judge_start(tuple(held))):
+            return self._refuse(refused)
         search.begin(tuple(held))
         return None
 
     def _begin_off_the_orbits(self, search: GaitSearch) -> Plan | None:
         """Begin with a pair of a finer grid where none of the orbits' holds, or return the refusal that says why none does."""
-        if why := explain_unreachable(search.tables[0]):
-            return self._refuse("start_unreachable", why)
+        if refusal := refuse_unreachable(search.tables[0]):
+            return self._refuse(No(Status.START_UNREACHABLE, f"{refusal}; {refusal.cure}", refusal))
         survey = PairSurvey(self.hand, self.goal.X_WO_start, self._admissibility)
         found = survey.find_pair()
         if found is None:
-            return self._refuse(
-                "no_force_closure_pair", f"no two fingers can hold the object: {survey.explain()}"
-            )
+            refusal = survey.explain()
+            reason = f"no two fingers can hold the object: {spell_no_pair(refusal)}"
+            return self._refuse(No(Status.NO_FORCE_CLOSURE_PAIR, reason, refusal))
         i, j, v, w = found
         held = [search.tables[0].start_along(f, survey.get_normal(k)) for f, k in ((i, v), (j, w))]
         if all(held):
             search.begin(tuple(h for h in held if h is not None))
         return None
-
-    def _explain_pair(self, table: ContactTable, refusal: str) -> str:
-        known = f" ({refusal})" if refusal else ""
-        return (
-            f"no two of the start contacts are {table.needed_angle()}, so no finger can be lifted, and the goal lies beyond "
-            f"what this grasp can do alone{known}; the plan would have to begin with rolling; "
-            f"move two contacts apart, or {CURE}"
-        )

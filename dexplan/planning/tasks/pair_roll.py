@@ -18,12 +18,16 @@ import numpy as np
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.escape import DEAR, ENOUGH, count_room_at, find_places
+from dexplan.planning.gait.escape import LONGEST_TURN_COST, MOST_PLACES_COUNTED, count_room_at, find_places
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.rolling.roll_gait import STEP, build_roll, end_placement, follow_roll, judge_ways
 from dexplan.planning.rolling.roll_to_goal import Rolled
+from dexplan.plans.actions import Roll
+from dexplan.plans.contacts import Placement, list_holding
 from dexplan.plans.goal import RotationGoal
-from dexplan.plans.plan import MUST, MUST_NOT, Action, Placement, PlannedPhase
+from dexplan.plans.motion import rest_at
+from dexplan.plans.phases import PlannedPhase, demand_touch
+from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
 from dexplan.spatial import Array, build_frame, lock_arrays
 
 HEADINGS = 12
@@ -57,7 +61,7 @@ class PairRolls:
     goal: RotationGoal
     contacts: tuple[Placement | None, ...]
     admissibility: Admissibility
-    refusals: dict[str, int] = field(default_factory=dict)
+    refusals: RefusalCount = field(default_factory=RefusalCount)
 
     def options(self) -> Iterator[Rolled]:
         """Yield admissible rolls, what gives room and rolls little first; grasps that are much alike are offered once."""
@@ -68,15 +72,16 @@ class PairRolls:
                 continue
             rolled, refusal = self._roll(a, b, one)
             if rolled is None:
-                self.refusals[refusal] = self.refusals.get(refusal, 0) + 1
+                if refusal is not None:
+                    self.refusals.add(refusal)
                 continue
             taken.append(one.normals_W)
             yield rolled
 
-    def explain(self) -> str:
-        """Return why there is none, the commonest reason first."""
-        common = sorted(self.refusals, key=lambda text: (-self.refusals[text], text))[:1]
-        return common[0] if common else "a third finger would find no room beside them either"
+    def explain(self) -> Refusal:
+        """Return the commonest reason why there is none."""
+        common = self.refusals.list_common(1)
+        return common[0] if common else Refusal(RefusalKind.NO_ROOM)
 
     @property
     def _pair(self) -> tuple[Placement, Placement]:
@@ -100,11 +105,14 @@ class PairRolls:
                 continue
             normals = {c.finger: R_WO @ n for c, n in zip((a, b), ends, strict=True)}
             if room := count_room_at(table, normals, places):
-                score = min(room, ENOUGH) / ENOUGH - DEAR * angle / ANGLES[-1]
+                score = (
+                    min(room, MOST_PLACES_COUNTED) / MOST_PLACES_COUNTED
+                    - LONGEST_TURN_COST * angle / ANGLES[-1]
+                )
                 found.append(_Candidate(score, toward, angles, (normals[a.finger], normals[b.finger])))
         return found
 
-    def _roll(self, a: Placement, b: Placement, one: _Candidate) -> tuple[Rolled | None, str]:
+    def _roll(self, a: Placement, b: Placement, one: _Candidate) -> tuple[Rolled | None, Refusal | None]:
         """Return the roll with its margins, or why it cannot be done."""
         count = max(16, int(np.ceil(max(one.angles) / STEP)) + 1)
         ways, rolls, after = {}, [], list(self.contacts)
@@ -121,7 +129,7 @@ class PairRolls:
         rows, refusal = judge_ways(self.hand, self.admissibility, self.goal.X_WO_start, ways)
         if refusal:
             return None, refusal
-        return Rolled(tuple(rolls), tuple(after), worst(rows)), ""
+        return Rolled(tuple(rolls), tuple(after), worst(rows)), None
 
 
 def _advance(normal: Array, toward: Array, angle: float) -> Array:
@@ -130,20 +138,14 @@ def _advance(normal: Array, toward: Array, angle: float) -> Array:
     return np.cos(angle) * normal + np.sin(angle) * aside / np.linalg.norm(aside)
 
 
-def build_pair_roll_action(hand: HandModel, goal: RotationGoal, rolled: Rolled) -> Action:
+def build_pair_roll_action(hand: HandModel, goal: RotationGoal, rolled: Rolled) -> Roll:
     """Return the action of a pair's roll: both fingers hold throughout."""
-    holding = tuple(i for i, c in enumerate(rolled.contacts) if c is not None)
     who = " and ".join(hand.fingers[r.finger].name for r in rolled.rolls)
-    return Action(
-        kind="roll",
-        finger=None,
-        grasping=holding,
-        X_WO_start=goal.X_WO_start,
-        X_WO_end=goal.X_WO_start,
-        axis_W=goal.axis_W,
-        angle=0.0,
+    return Roll(
+        motion=rest_at(goal.X_WO_start, goal.axis_W),
+        grasping=list_holding(rolled.contacts),
         contacts_end=rolled.contacts,
-        phases=(PlannedPhase("roll", tuple(MUST_NOT if c is None else MUST for c in rolled.contacts)),),
+        phases=(PlannedPhase("roll", demand_touch(rolled.contacts)),),
         why=f"no gait was found from the start contacts; after a roll of {who} another finger finds room",
         margins=rolled.margins,
         rolls=rolled.rolls,

@@ -7,7 +7,6 @@ makes a pair hold once it is left out is the cause, and only such a cure is name
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -21,12 +20,13 @@ from dexplan.kinematics.chain import compute_tip_pose
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_near, solve_tip_pose
 from dexplan.planning.admissible.admissibility import Admissibility, compute_finger_states
 from dexplan.planning.admissible.aligned import build_aligned
-from dexplan.planning.admissible.conditions import Condition, classify_nearness
+from dexplan.planning.admissible.conditions import Condition, find_unmet, refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.admissible.lone_clearance import LEVEL, list_others
 from dexplan.planning.admissible.order import keeps_order
 from dexplan.planning.admissible.separation import compute_opposition, compute_pair_angle_max
+from dexplan.plans.refusal import Cure, Refusal, RefusalCount, RefusalKind
 from dexplan.scene.description import STANDING, Nearness
 from dexplan.spatial import Array
 
@@ -41,7 +41,8 @@ HIGH_FRICTION = 1.5
 LIGHT = 0.01
 """The share of its mass with which is tried whether the object's weight is what is too much."""
 
-OUT_OF_REACH, OVERLOAD = "it lies outside their workspaces", "the contacts cannot carry the load"
+OVERLOAD, OUT_OF_ORDER = Refusal(RefusalKind.LOAD), Refusal(RefusalKind.ORDER)
+OUT_OF_REACH = Refusal(RefusalKind.OUT_OF_REACH, words="it lies outside their workspaces")
 
 Pair = tuple[int, int, int, int]
 """Two fingers, and the direction of each on the grid."""
@@ -52,14 +53,14 @@ class PairSurvey:
     """Pairs of contacts around an object at ``X_WO`` (4, 4); answers are kept.
 
     ``without``: the condition that is left out, to see what follows.  ``refusals`` counts why pairs that are far enough apart do
-    not hold, by the condition they do not meet and in words.
+    not hold.
     """
 
     hand: HandModel
     X_WO: Array
     admissibility: Admissibility
     without: Condition | None = None
-    refusals: Counter[tuple[Condition, str]] = field(default_factory=Counter)
+    refusals: RefusalCount = field(default_factory=RefusalCount)
 
     def __post_init__(self) -> None:
         hand = self.hand
@@ -97,12 +98,11 @@ class PairSurvey:
         for finger in waiting if self.without is not Condition.WAITING else ():
             nearest = find_nearest_at_home(self.hand, self.X_WO, finger, self._left_out)
             if nearest.distance < self.hand.limits.clearance:
-                kind = classify_nearness(nearest)
-                kind = kind if kind is Condition.STANDING else Condition.WAITING
-                name = self.hand.fingers[finger].name
-                self.refusals[
-                    kind, f"{name} waits at home while it is free, and {nearest.names} too near there"
-                ] += 1
+                name, cause = (
+                    self.hand.fingers[finger].name,
+                    refuse_nearness(nearest, self.hand.limits.clearance),
+                )
+                self.refusals.add(Refusal(RefusalKind.WAITING, (name,), because=(cause,)))
                 found = True
         return found
 
@@ -155,7 +155,7 @@ class PairSurvey:
         """Return whether bodies are too near to one another, and count that."""
         if nearest.distance >= self.hand.limits.clearance:
             return False
-        self.refusals[classify_nearness(nearest), f"{nearest.names} too near"] += 1
+        self.refusals.add(refuse_nearness(nearest, self.hand.limits.clearance))
         return True
 
     # -- two contacts ----------------------------------------------------------------------------------------------------
@@ -194,7 +194,7 @@ class PairSurvey:
         order = np.argsort(loads, kind="stable")
         order = order[loads[order] <= hand.limits.cone_share]
         if len(order) < len(one):
-            self.refusals[Condition.FRICTION, OVERLOAD] += len(one) - len(order)
+            self.refusals.add(OVERLOAD, len(one) - len(order))
         overloaded = 0
         for k in order[:LOOKED_AT].tolist():
             pair = (i, j, int(one[k]), int(two[k]))
@@ -212,7 +212,7 @@ class PairSurvey:
         normals = {f: p - self._center for f, p in enumerate(self.hand.p_WF_home)}
         if keeps_order(self.hand, {**normals, i: self._normals[v], j: self._normals[w]}):
             return False
-        self.refusals[Condition.ORDER, "the fingers would change their order"] += 1
+        self.refusals.add(OUT_OF_ORDER)
         return True
 
     def _place(self, pair: Pair) -> Array:
@@ -231,27 +231,32 @@ class PairSurvey:
         states = {f: compute_finger_states(self.hand, f, q[f][None])[0] for f in pair[:2]}
         if not self.admissibility.refuse_load(states, q, self.X_WO):
             return False
-        self.refusals[Condition.FRICTION, OVERLOAD] += 1
+        self.refusals.add(OVERLOAD)
         return True
 
     # -- why none does ---------------------------------------------------------------------------------------------------
 
-    def explain(self) -> str:
-        """Return what stands in the way of any pair, and what may help, once :meth:`find_pair` has found none."""
+    def explain(self) -> Refusal:
+        """Return what stands in the way of any pair, once :meth:`find_pair` has found none.
+
+        Its cure is checked where pairs hold once that is done; there is none where no pair is within reach.
+        """
         helping = [condition for condition in Condition if self._is_what_is_short(condition)]
-        common = [key for key, _ in self.refusals.most_common()]
+        common = self.refusals.list_common()
         if helping:
-            named = [why for condition, why in common if condition in helping]
-            why = named[0] if named else helping[0].explain(self.hand)
-            return f"{why}; what may help: {', or '.join(helping)}"
+            named = [refusal for refusal in common if find_unmet(refusal) in helping]
+            refusal = named[0] if named else helping[0].explain(self.hand)
+            return replace(refusal, cure=Cure(", or ".join(helping), is_checked=True))
         if not common:
             return OUT_OF_REACH
-        condition, why = common[0]
-        return f"{why}; more than one thing stands in the way: {condition}, to begin with"
+        unmet = find_unmet(common[0])
+        if unmet is None:
+            return common[0]
+        return replace(common[0], cure=Cure(f"more than one thing stands in the way: {unmet}, to begin with"))
 
     def _is_what_is_short(self, condition: Condition) -> bool:
         """Return whether pairs hold once a condition is left out."""
-        met = {refused for refused, _ in self.refusals}
+        met = {find_unmet(refusal) for refusal in self.refusals.list_common()}
         if condition is Condition.ALLOWED:
             is_asked = bool(self.hand.object.allowed_regions)
         elif condition in (Condition.JOINTS, Condition.FRICTION):
@@ -275,15 +280,27 @@ def find_nearest_at_home(
     return hand.probe.find_nearest(hand.q_home, X_WO, (), (*list_others(hand, finger), *left_out))
 
 
-def explain_no_pair(hand: HandModel, X_WO: Array, admissibility: Admissibility) -> str:
-    """Return why no two fingers hold the object at ``X_WO`` (4, 4), and what may help; "" where some do after all.
+def refuse_every_pair(hand: HandModel, X_WO: Array, admissibility: Admissibility) -> Refusal | None:
+    """Return why no two fingers hold the object at ``X_WO`` (4, 4), with a cure; None where some do after all.
 
-    A cure is named where pairs hold once the condition is left out.  Where none of them alone helps, what refuses most pairs is.
+    The cure is checked: pairs hold once the condition is left out.  Where none of them alone helps, it belongs to what refuses
+    most pairs.
     """
     everyone = tuple(range(len(hand.fingers)))
     alone = hand.probe.find_nearest(hand.q_home, X_WO, (), everyone)
     if alone.distance < (gap := hand.limits.clearance):
         left, kept = spell_apart(1e3 * alone.distance, 1e3 * gap)
-        return f"{alone.names} would come within {left} mm there, and {kept} mm have to be left; {Condition.STANDING}"
+        words = f"{alone.names} would come within {left} mm there, and {kept} mm have to be left"
+        cure = Cure(Condition.STANDING.value)
+        return replace(refuse_nearness(alone, gap), cure=cure, words=words)
     survey = PairSurvey(hand, X_WO, admissibility)
-    return "" if survey.find_pair() is not None else survey.explain()
+    return None if survey.find_pair() is not None else survey.explain()
+
+
+def spell_no_pair(refusal: Refusal) -> str:
+    """Return why no two fingers hold the object, and what may help, in words."""
+    if refusal.cure is None:
+        return str(refusal)
+    if refusal.cure.is_checked:
+        return f"{refusal}; what may help: {refusal.cure}"
+    return f"{refusal}; {refusal.cure}"

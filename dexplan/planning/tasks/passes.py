@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexplan.planning.actions.joining import Contacts
+from dexplan.plans.actions import Action
+from dexplan.plans.contacts import Contacts
 from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import Action
+from dexplan.plans.refusal import Refusal, RefusalKind
 
-GAVE_UP = "budget_exhausted"
-"""Status of a plan where the search stopped with ways left: nobody knows whether one of them leads to the goal."""
 USUAL_BUDGET = 2_000
 """The default of ``gait.node_budget``, for which limits on work in tasks with goal contacts are meant; more multiplies them."""
 REST_ANGLES = tuple(np.radians((0.0, 40.0, 80.0)).tolist())
@@ -72,7 +71,7 @@ class Outcome:
 
     actions: tuple[Action, ...] = ()
     start: Contacts = ()
-    why: str = ""
+    why: Refusal | None = None
     stop: Stop = Stop.SEARCH
     gave_up: bool = False
     number: int | None = None
@@ -82,12 +81,10 @@ class Outcome:
     @property
     def is_found(self) -> bool:
         """Whether the way comes to the goal."""
-        return not self.why
+        return self.why is None
 
 
-NOT_BEGUN = Outcome(
-    why="the work was used up before the search for the grasp began", stop=Stop.NOT_BEGUN, gave_up=True
-)
+NOT_BEGUN = Outcome(why=Refusal(RefusalKind.WORK_USED_UP), stop=Stop.NOT_BEGUN, gave_up=True)
 
 
 def choose_rests(motion: ObjectMotion) -> tuple[float, ...]:

@@ -11,10 +11,11 @@ import numpy as np
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.grasp.margin import solve_bounded_margin
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.planning.actions.joining import Contacts
 from dexplan.planning.regrasp.still import build_landings
 from dexplan.planning.tasks.stages import Stages
+from dexplan.plans.contacts import Contacts
 from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.refusal import Refusal
 from dexplan.spatial import GRAVITY, Array, build_frame, lock_arrays, rotate_about, rotation_vector
 
 AXES = 96
@@ -65,14 +66,14 @@ class Turns:
 
     stages: Stages
     reachable: list[Turn] = field(init=False)
-    fault: str = ""
+    fault: Refusal | None = None
     refused: int = 0
 
     def __post_init__(self) -> None:
         self.reachable = sorted(_find_reachable(self.stages), key=lambda turn: turn.cost)
 
     @property
-    def missing(self) -> str:
+    def missing(self) -> tuple[str, ...]:
         """The fingers that reach their goal contact in no attitude at all, where there are such."""
         stages, names = self.stages, []
         for finger, normal in enumerate(stages.goal):
@@ -80,7 +81,7 @@ class Turns:
                 alone = tuple(n if f == finger else None for f, n in enumerate(stages.goal))
                 if not any(_find_reachable(stages, alone)):
                     names.append(stages.hand.fingers[finger].name)
-        return " and ".join(names)
+        return tuple(names)
 
     def choose(self, may_end: Callable[[Array, Contacts], bool] | None = None) -> Iterator[Turn]:
         """Yield turns after which the goal grasp can be held, the best first; first such that differ much, then others.

@@ -20,8 +20,12 @@ from dexplan.planning.rolling.roll_gait import RollPlan, RollToPair, build_roll_
 from dexplan.planning.tasks.ends import Beginning
 from dexplan.planning.tasks.object_manipulation import FIRST, Start, plan_rotation
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
+from dexplan.plans.actions import Action
 from dexplan.plans.goal import RotationGoal
-from dexplan.plans.plan import Action, Plan
+from dexplan.plans.motion import rest_at
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
+from dexplan.spatial import VERTICAL
 
 OPTIONS = 8
 """Ways to roll three fingers that are tried before the goal is given up."""
@@ -29,7 +33,7 @@ PAIR_OPTIONS = 4
 """Ways to roll a pair that are tried."""
 LIFTS = 2
 """Pairs of three fingers that hold alone, and are rolled after the third was lifted."""
-STUCK = ("no_admissible_pair", "no_gait", "budget_exhausted")
+STUCK = (Status.NO_ADMISSIBLE_PAIR, Status.NO_GAIT, Status.BUDGET_EXHAUSTED)
 """Answers after which rolling may help."""
 
 
@@ -63,8 +67,10 @@ def plan_object_manipulation(
     if not refused and not is_cut:
         return replace(plan, reason=f"{plan.reason}; {beginnings.explain()}")
     # Where a search was cut short there may be a gait after all: its words go first, and its status is the plan's.
-    telling = next((r for r in refused if r.status == "budget_exhausted"), refused[0] if refused else plan)
-    status = "budget_exhausted" if is_cut or telling.status == "budget_exhausted" else plan.status
+    telling = next(
+        (r for r in refused if r.status is Status.BUDGET_EXHAUSTED), refused[0] if refused else plan
+    )
+    status = Status.BUDGET_EXHAUSTED if is_cut or telling.status is Status.BUDGET_EXHAUSTED else plan.status
     tried = f"{len(refused)} ways tried" if len(refused) > 1 else "one way tried"
     found = (
         f"after rolling ({tried}): {telling.status}: {telling.reason}" if refused else "rolling comes first"
@@ -133,12 +139,12 @@ class _FromThree(_Beginnings):
                 yield Beginning((*lift.actions, roll), turned.contacts)
 
     def explain(self) -> str:
-        return f"rolling cannot make one: {self._rolls.explain()}"
+        return f"rolling cannot make one: {'; '.join(map(str, self._rolls.explain()))}"
 
     def _build_actions(self, option: RollPlan) -> tuple[Action, ...]:
         """Return the roll and the lift; nothing rolls where a pair holds alone as it stands and lifting is all that helps."""
         roll, lift = build_roll_actions(option, self.hand, self.goal.X_WO_start, self.goal.axis_W)
-        if self.plan.status != "no_admissible_pair":
+        if self.plan.status is not Status.NO_ADMISSIBLE_PAIR:
             roll = replace(
                 roll, why="no gait was found from the start contacts; rolled, they make a grasp with one"
             )
@@ -149,13 +155,8 @@ class _FromThree(_Beginnings):
 
 def _join(start: Plan, beginning: Beginning, rest: Plan) -> Plan:
     """Return the plan that holds with the contacts of ``start``, begins as said, and goes on with ``rest``."""
-    still = {
-        "X_WO_start": start.X_WO_start,
-        "X_WO_end": start.X_WO_start,
-        "axis_W": start.axis_W,
-        "angle": 0.0,
-    }
-    hold = build_hold(list(start.start_contacts), still, "let the grasp settle")
+    axis = VERTICAL if start.axis_W is None else start.axis_W
+    hold = build_hold(start.start_contacts, rest_at(start.X_WO_start, axis), "let the grasp settle")
     return replace(
         rest, start_contacts=start.start_contacts, actions=(hold, *beginning.actions, *rest.actions[1:])
     )

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
-from dexplan.planning.actions.joining import Contacts, build_move_actions, enclose, follow_actions
+from dexplan.planning.actions.joining import build_move_actions, enclose, follow_actions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.tip_rotation import refuse_rotation
@@ -23,7 +23,8 @@ from dexplan.planning.regrasp.search import AdjustmentSearch
 from dexplan.planning.regrasp.still import StillContacts, build_landings
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.tasks.ends import BUDGETS, Beginning, End, Ends, choose_beginnings
-from dexplan.planning.tasks.goal_refusals import GoalContacts, explain_separation, suggest_cure
+from dexplan.planning.tasks.goal_refusals import GoalContacts
+from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import FIRST, Start, plan_rotation
 from dexplan.planning.tasks.passes import (
     NOT_BEGUN,
@@ -32,19 +33,22 @@ from dexplan.planning.tasks.passes import (
     Passes,
     Stop,
     choose_rests,
-    explain_giving_up,
     scale_work,
 )
+from dexplan.plans.actions import Action
+from dexplan.plans.contacts import Contacts, GoalContact, Placement
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
-from dexplan.plans.plan import SOLVED, Action, GoalContact, Placement, Plan
+from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.plans.status import Status
 from dexplan.spatial import VERTICAL, Array
 
 SEARCH_BUDGET = 160
 """Nodes that one search for an adjustment may open."""
 GAIT_WORK = 6
 """A node of the gait before it takes so many times as long."""
-AGAIN = 30
+LEAST_WORK_REPEATED = 30
 """At least so much work counts when better plans are looked for as long again."""
 SIDE_WORK, ROLLED_SIDE_WORK = 10, 30
 """A look at the goal's side takes as long as so many nodes; rolling a goal grasp apart takes longer."""
@@ -53,7 +57,9 @@ MORE_WORK = 120
 ENDS = 4
 """Ends of gaits from which an adjustment is tried."""
 
-_CANNOT_CARRY = "the goal grasp cannot carry the object to the goal: "
+
+def _stop_at_goal(why: Refusal) -> Outcome:
+    return Outcome(why=why, stop=Stop.GOAL_GRASP)
 
 
 @dataclass(eq=False)
@@ -87,7 +93,7 @@ class Stages:
     work: int = 0
     exhausted: int = 0
     hold: Plan = field(init=False)
-    _known_rolls: dict[bytes, tuple[list[RollPlan], str]] = field(default_factory=dict)
+    _known_rolls: dict[bytes, tuple[list[RollPlan], Refusal | None]] = field(default_factory=dict)
     _sides: dict[bytes, GoalSide] = field(default_factory=dict)
     _gaits: dict[bytes, Ends] = field(default_factory=dict)
     _attempts: dict[bytes, _Attempt] = field(default_factory=dict)
@@ -100,12 +106,12 @@ class Stages:
         )
 
     @property
-    def start_refusal(self) -> str:
-        """The status that refuses the start contacts; "" where they hold."""
-        return "" if self.hold.is_solved or self.hold.status == "no_admissible_pair" else self.hold.status
+    def is_start_refused(self) -> bool:
+        """Whether the start contacts do not hold: then :attr:`hold` says why."""
+        return self.hold.status not in (Status.SOLVED, Status.NO_ADMISSIBLE_PAIR)
 
-    def land_goal(self, X_WO: Array) -> tuple[Contacts, str]:
-        """Return the goal contacts with the object at ``X_WO`` (4, 4), and which finger cannot reach its own ("" if all can)."""
+    def land_goal(self, X_WO: Array) -> tuple[Contacts, tuple[str, ...]]:
+        """Return the goal contacts with the object at ``X_WO`` (4, 4), and which fingers cannot reach their own, by name."""
         found: list[Placement | None] = []
         missing = []
         for finger, normal in enumerate(self.goal):
@@ -116,34 +122,18 @@ class Stages:
             found.append(placement)
             if placement is None:
                 missing.append(self.hand.fingers[finger].name)
-        return tuple(found), " and ".join(missing)
+        return tuple(found), tuple(missing)
 
     @property
     def _goal_contacts(self) -> tuple[GoalContact | None, ...]:
         radial = self.hand.object.surface.radial
         return tuple(None if n is None else GoalContact(f, radial(n), n) for f, n in enumerate(self.goal))
 
-    def refuse_goal(self, X_WO: Array, contacts: Contacts) -> str:
-        """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); "" where it can."""
+    def refuse_goal(self, X_WO: Array, contacts: Contacts) -> Refusal | None:
+        """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); None where it can."""
         still = StillContacts(self.hand, X_WO, self.admissibility)
         stand = tuple(None if c is None else still.add(c) for c in contacts)
         return still.judge(stand).refusal
-
-    def explain_end(self, done: Outcome, tried: str = "") -> str:
-        """Return why ``done`` came to no goal, what was ``tried``, and what would help.
-
-        Where everything was tried from the start grasp, friction is what was short.  A search that gave up has shown nothing.
-        """
-        if done.gave_up:
-            return explain_giving_up(done, self.opened, tried, self.node_budget)
-        where = f" ({tried})" if tried else ""
-        why, cure = f"{done.why}{where}", suggest_cure(done.why)
-        if not self.exhausted:
-            return f"{why}; {cure}"
-        return (
-            f"{why}; every grasp that the start grasp leads to was tried, and {explain_separation(self.hand)}; "
-            f"raise the friction, lower friction.safety, choose another start grasp, or {cure}"
-        )
 
     def run(
         self,
@@ -155,33 +145,30 @@ class Stages:
         budget: int = SEARCH_BUDGET,
         limit: float = np.inf,
         part: Pass | None = None,
-        dearest: float = np.inf,
+        cost_limit: float = np.inf,
     ) -> Outcome:
         """Plan one way: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
 
         ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
         ``budget`` bounds the nodes of every search, ``limit`` the work done before one is begun; ``part`` says which share of
         ``before`` is left to the search and how much is tried, by default all shares, one after another.  Asked again for the
-        same way with more, it goes on where it stopped.  ``dearest``: what costs as much for sure is left out.
+        same way with more, it goes on where it stopped.  ``cost_limit``: what costs as much for sure is left out.
         """
         X_WO = after.X_WO_start
         goal, missing = self.land_goal(X_WO)
         if missing:
-            why = f"{missing} cannot reach the goal contact where the grasp would be adjusted"
-            return Outcome(why=why, stop=Stop.GOAL_GRASP)
+            return _stop_at_goal(Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, missing))
         goal = tuple(None if c is None else center_spin(self.hand, c, after) for c in goal)
         if refusal := self.refuse_goal(X_WO, goal):
-            return Outcome(
-                why=f"the goal grasp does not hold where it would be made: {refusal}", stop=Stop.GOAL_GRASP
-            )
+            return _stop_at_goal(Refusal(RefusalKind.GOAL_GRASP_FAILS, because=(refusal,)))
         if not after.is_still:
             _, refusal = plan_coordinated(self.hand, self.admissibility, goal, after, "")
             if refusal:
-                return Outcome(why=_CANNOT_CARRY + refusal, stop=Stop.GOAL_GRASP)
+                return _stop_at_goal(Refusal(RefusalKind.CANNOT_CARRY_TO_GOAL, because=(refusal,)))
         side = self._approach(X_WO, goal)
         if side.refusal and not before.is_still:
             # Rolls are tried in a few steps only: that none of them did is no proof.
-            why = f"there is no way into the goal grasp where it would be made: {side.refusal}"
+            why = Refusal(RefusalKind.NO_WAY_IN, because=(side.refusal,))
             return Outcome(why=why, stop=Stop.ENTRY, gave_up=side.is_rolled)
         shares, refused = choose_rests(before), list[Outcome]()
         for k in range(len(shares)) if part is None else (part.rest,):
@@ -190,7 +177,7 @@ class Stages:
                 break
             asked = Pass(k, ENDS, len(BUDGETS) - 1) if part is None else part
             found = self._adjust(
-                side, before, shares[k], after, is_attitude, is_simultaneous, budget, limit, asked, dearest
+                side, before, shares[k], after, is_attitude, is_simultaneous, budget, limit, asked, cost_limit
             )
             if found.is_found:
                 return found
@@ -234,13 +221,13 @@ class Stages:
                     is_simultaneous=is_simultaneous,
                     limit=limit,
                     part=part,
-                    dearest=cheapest,
+                    cost_limit=cheapest,
                 )
                 if not found.is_found:
                     refused[key] = found
                     continue
                 if best is None:
-                    more = self.improvement.share * max(self.work - begun, AGAIN)
+                    more = self.improvement.share * max(self.work - begun, LEAST_WORK_REPEATED)
                     limit = min(limit, int(self.work + more))
                 if (cost := compute_actions_cost(self.improvement.weights, found.actions)) < cheapest:
                     cheapest, best = cost, replace(found, number=number)
@@ -265,7 +252,7 @@ class Stages:
         budget: int,
         limit: float,
         part: Pass,
-        dearest: float,
+        cost_limit: float,
     ) -> Outcome:
         """Plan one way as in :meth:`run`, the last share ``rest`` of ``before`` left to the search that adjusts the grasp.
 
@@ -289,7 +276,7 @@ class Stages:
             attempt.asked += 1
             found = None
             if end is not None:
-                if self._bound(search, end) >= dearest:
+                if self._bound(search, end) >= cost_limit:
                     continue
                 begun.append(end)
                 found = search.begin(end.contacts)
@@ -306,7 +293,8 @@ class Stages:
                 return Outcome((*end.actions, *moves, *last), end.start)
             attempt.is_over = end is None
             is_whole = attempt.is_over and found.is_exhausted and not begun[0].actions
-            why = f"no way from the grasp there to the goal grasp: {found.reason}"
+            assert found.refusal is not None
+            why = Refusal(RefusalKind.NO_ADJUSTMENT, because=(found.refusal,))
             # Other ends of gaits, and other rolls into the goal grasp, might lead there.
             attempt.refused = Outcome(why=why, gave_up=not is_whole or side.is_rolled)
             if is_whole and not side.refusal:
@@ -360,27 +348,32 @@ class Stages:
         """How gaits may begin."""
         return choose_beginnings(self.hand, self.hold, self.start, self.admissibility)
 
-    def _finish(self, contacts: Contacts, after: ObjectMotion) -> tuple[tuple[Action, ...], str]:
+    def _finish(self, contacts: Contacts, after: ObjectMotion) -> tuple[tuple[Action, ...], Refusal | None]:
         """Return the coordinated manipulation with the goal grasp as it was really made, or why it is not possible."""
         if after.is_still:
-            return (), ""
+            return (), None
         why = "coordinated manipulation with the goal grasp reaches the goal"
         action, refusal = plan_coordinated(self.hand, self.admissibility, contacts, after, why)
-        if action is None:
-            return (), _CANNOT_CARRY + refusal
-        return (action,), ""
+        if action is not None:
+            return (action,), None
+        return (), refusal and Refusal(RefusalKind.CANNOT_CARRY_TO_GOAL, because=(refusal,))
 
     def build_plan(self, kind: str, goal: RotationGoal, actions: tuple[Action, ...], start: Contacts) -> Plan:
         """Return the plan made of ``actions``."""
         whole = enclose(actions, start, self.X_WO, goal.axis_W)
-        return replace(self.refuse(kind, goal, SOLVED, ""), start_contacts=start, actions=whole)
+        return replace(self.refuse(kind, goal, No(Status.SOLVED, "")), start_contacts=start, actions=whole)
 
-    def refuse(self, kind: str, goal: RotationGoal, status: str, reason: str) -> Plan:
+    def refuse_start(self, kind: str, goal: RotationGoal) -> Plan:
+        """Return the plan that says why the start contacts do not hold."""
+        return self.refuse(kind, goal, No(self.hold.status, self.hold.reason, self.hold.refusal))
+
+    def refuse(self, kind: str, goal: RotationGoal, no: No) -> Plan:
         """Return the plan that says why there is none."""
         return replace(
             self.hold,
-            status=status,
-            reason=reason,
+            status=no.status,
+            reason=no.reason,
+            refusal=no.refusal,
             goal_kind=kind,
             goal_contacts=self._goal_contacts,
             X_WO_goal=goal.X_WO_goal,

@@ -19,6 +19,7 @@ from dexplan.kinematics.arcs import interpolate
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.order import keeps_order
+from dexplan.scene.description import Nearness
 from dexplan.spatial import Array, lock_arrays
 
 SEED = 1
@@ -44,6 +45,8 @@ KNOTS = (5, 7, 10, 16, SAMPLES)
 """A way is drawn smoothly through so few of its postures if it stays clear: the fewer, the gentler its bends."""
 ROUNDS = 3
 """How often the corners of a way are rounded off."""
+NOBODY = Nearness(np.inf, "")
+"""Nothing was looked at, or nothing was in the way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +74,23 @@ class Surroundings:
 
     def compute_clearance(self, posture: Array) -> tuple[float, str]:
         """Return the clearance [m] with the finger at ``posture`` (J,), and between whom it is that small."""
+        nearest = self.find_nearest(posture)
+        return nearest.distance, nearest.names
+
+    def find_nearest(self, posture: Array) -> Nearness:
+        """Return what is nearest to what with the finger at ``posture`` (J,)."""
         q = self.q.copy()
         q[self.finger] = posture
-        return self.hand.probe.compute_clearance(q, self.X_WO, self.touching)
+        return self.hand.probe.find_nearest(q, self.X_WO, self.touching)
 
     def compute_way_clearance(self, way: Array) -> tuple[float, str]:
         """Return the smallest clearance [m] along the postures ``way`` (K, J), and between whom."""
-        return min((self.compute_clearance(posture) for posture in way), key=lambda found: found[0])
+        nearest = self.find_nearest_on(way)
+        return nearest.distance, nearest.names
+
+    def find_nearest_on(self, way: Array) -> Nearness:
+        """Return what is nearest to what along the postures ``way`` (K, J)."""
+        return min((self.find_nearest(posture) for posture in way), key=lambda found: found.distance)
 
     def keeps_order(self, tip: Array) -> bool:
         """Return whether the fingers stand around the object as ever with the moving finger's tip at ``tip`` (3,) in W."""
@@ -86,18 +99,27 @@ class Surroundings:
 
 @dataclass(frozen=True, eq=False)
 class Detour:
-    """The answer: ``way`` (K, J) with its ``clearance`` [m] between ``names``; None where none was found, and who blocks it.
+    """The answer: ``way`` (K, J) and what is ``nearest`` to what along it; None where none was found, and who blocks it.
 
     ``checks`` counts the postures looked at.
     """
 
     way: Array | None
-    clearance: float
-    names: str
+    nearest: Nearness
     checks: int
 
     def __post_init__(self) -> None:
         lock_arrays(self)
+
+    @property
+    def clearance(self) -> float:
+        """The least distance [m] along the way."""
+        return self.nearest.distance
+
+    @property
+    def names(self) -> str:
+        """Between whom it is that small."""
+        return self.nearest.names
 
 
 def find_detour(around: tuple[Surroundings, ...], q_start: Array, q_end: Array) -> Detour:
@@ -108,7 +130,7 @@ def find_detour(around: tuple[Surroundings, ...], q_start: Array, q_end: Array) 
     """
     room = _Room(around, q_start, q_end)
     if any(room.measure(end[None]) is None for end in (q_end, q_start)):
-        return Detour(None, *room.nearest, room.checks)
+        return Detour(None, room.nearest, room.checks)
     straight = room.follow(np.stack([q_start, q_end]))
     if straight is not None:
         return straight
@@ -120,7 +142,7 @@ def find_detour(around: tuple[Surroundings, ...], q_start: Array, q_end: Array) 
                     return found
         if not lines:
             break
-    return Detour(None, *room.nearest, room.checks)
+    return Detour(None, room.nearest, room.checks)
 
 
 def bow_arc(around: Surroundings, arc: Array) -> Detour | None:
@@ -164,44 +186,44 @@ class _Room:
         )
         self._dexterity = min(self._limits.dexterity, float(compute_dexterity(self._chain, self._ends).min()))
         self._blocks: Counter[str] = Counter()
-        self._least: dict[str, float] = {}
+        self._least: dict[str, Nearness] = {}
         self.checks = 0
         near = min(a.compute_clearance(q)[0] for a in around for q in self._ends)
         self._slack = float(np.clip(near - self._limits.clearance, 0.0, SLACK))
 
     @property
-    def nearest(self) -> tuple[float, str]:
-        """The least clearance [m] of the pair that was in the way most often, and which that is; inf and "" where none was."""
+    def nearest(self) -> Nearness:
+        """The pair that was in the way most often, as near as it came; inf and nobody where none was."""
         if not self._blocks:
-            return np.inf, ""
-        names = min(self._blocks, key=lambda n: (-self._blocks[n], n))
-        return self._least[names], names
+            return NOBODY
+        return self._least[min(self._blocks, key=lambda n: (-self._blocks[n], n))]
 
-    def measure(self, way: Array, slack: float = 0.0, is_careful: bool = True) -> tuple[float, str] | None:
-        """Return the least clearance [m] along the postures ``way`` (K, J) and between whom; None if one of them is not free.
+    def measure(self, way: Array, slack: float = 0.0, is_careful: bool = True) -> Nearness | None:
+        """Return what is nearest to what along the postures ``way`` (K, J); None if one of them is not free.
 
         ``is_careful`` False leaves out what is seldom wrong and takes long to say: dexterity and the fingers' order.
         """
-        least, nearest = np.inf, ""
+        nearest = NOBODY
         if compute_joint_margin(self._chain, way).min() < self._joint - 1e-9:
             return None
         # The middle first, then the middles of what is left: what is in the way is found sooner.
         for posture in way[sorted(range(len(way)), key=_halving)]:
             self.checks += 1
             for around in self._around:
-                clearance, names = around.compute_clearance(posture)
-                if clearance < self._limits.clearance + slack:
-                    self._blocks[names] += 1
-                    self._least[names] = min(clearance, self._least.get(names, np.inf))
+                found = around.find_nearest(posture)
+                if found.distance < self._limits.clearance + slack:
+                    self._blocks[found.names] += 1
+                    if found.distance < self._least.get(found.names, NOBODY).distance:
+                        self._least[found.names] = found
                     return None
-                if clearance < least:
-                    least, nearest = clearance, names
+                if found.distance < nearest.distance:
+                    nearest = found
         if not is_careful:
-            return least, nearest
+            return nearest
         if compute_dexterity(self._chain, way).min() < self._dexterity - 1e-9:
             return None
         tips = compute_tip_pose(self._chain, way)[:, :3, 3]
-        return (least, nearest) if all(a.keeps_order(t) for a in self._around for t in tips) else None
+        return nearest if all(a.keeps_order(t) for a in self._around for t in tips) else None
 
     def connect(self, start: Array, end: Array, is_careful: bool) -> bool:
         """Return whether the straight way between two postures is free, its beginning taken for granted."""
@@ -219,7 +241,7 @@ class _Room:
         longest = np.abs(np.diff(way, axis=0)).max()
         share = np.linspace(0.0, 1.0, (SAMPLES - 1) * max(2, int(np.ceil(longest / FINE))) + 1)
         found = self.measure(interpolate(way, share))
-        return None if found is None else Detour(way, *found, self.checks)
+        return None if found is None else Detour(way, found, self.checks)
 
     def complete(self, short: Array) -> Array:
         """Return postures (K, J) from those of the joints that the trees know, with an evenly turning tip roll."""

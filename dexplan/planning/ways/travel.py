@@ -12,8 +12,11 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.kinematics.arcs import refine
 from dexplan.kinematics.chain import compute_joint_margin
-from dexplan.planning.admissible.hand import compute_travel_margin
+from dexplan.planning.admissible.conditions import refuse_nearness
+from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
 from dexplan.planning.ways.detour import Surroundings, bow_arc, find_detour
+from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.scene.description import Nearness
 from dexplan.spatial import Array, read_only
 
 DIP = 0.001
@@ -23,20 +26,30 @@ between them.  Of 28 travels none came nearer by more than 0.2 mm there."""
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """The ``postures`` (K, J) [rad] of a free finger's way, and its ``clearance`` [m], which is between ``names``.
+    """The ``postures`` (K, J) [rad] of a free finger's way, and what is ``nearest`` to what along it.
 
-    ``around`` names what was in the way of the arc where this is a detour; "" for the arc itself.
+    A distance of -inf is one of the finger's joints to their limits, which has no length.  ``around`` names what was in the way
+    of the arc where this is a detour; "" for the arc itself.
     """
 
     postures: Array
-    clearance: float
-    names: str
+    nearest: Nearness
     around: str = ""
 
     __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "postures", read_only(self.postures))
+
+    @property
+    def clearance(self) -> float:
+        """The least distance [m] along the way."""
+        return self.nearest.distance
+
+    @property
+    def names(self) -> str:
+        """Between whom it is that small."""
+        return self.nearest.names
 
 
 def find_way(around: Surroundings, arc: Array, looks_around: bool = True) -> Way:
@@ -45,31 +58,41 @@ def find_way(around: Surroundings, arc: Array, looks_around: bool = True) -> Way
     Clear means: clear of all bodies, and of the finger's own joint limits, just as the controller goes through the arc.  Where
     there is no detour, or with ``looks_around`` False, it is the arc again, with too little clearance and who blocks it.
     """
-    finger = around.hand.fingers[around.finger]
+    finger, limit = around.hand.fingers[around.finger], around.hand.limits.clearance
+    at_limits = Nearness(-np.inf, f"{finger.name} and its joint limits", (around.finger,), (finger.name,))
     needed = compute_travel_margin(around.hand, around.finger)
     if compute_joint_margin(finger.chain, arc[[0, -1]]).min() < needed:
-        return Way(arc, -np.inf, f"{finger.name} and its joint limits")
-    clearance, names = around.compute_way_clearance(arc)
+        return Way(arc, at_limits)
+    nearest = around.find_nearest_on(arc)
     executed = refine(arc)
-    if 0.0 <= clearance - around.hand.limits.clearance < DIP:
-        clearance, names = around.compute_way_clearance(executed)
+    if 0.0 <= nearest.distance - limit < DIP:
+        nearest = around.find_nearest_on(executed)
     if compute_joint_margin(finger.chain, executed).min() < needed:
-        clearance, names = -np.inf, f"{finger.name} and its joint limits"
-    if clearance >= around.hand.limits.clearance:
-        return Way(arc, clearance, names)
+        nearest = at_limits
+    if nearest.distance >= limit:
+        return Way(arc, nearest)
     if (bowed := bow_arc(around, arc)) is not None and bowed.way is not None:
-        return Way(bowed.way, bowed.clearance, bowed.names, names)
+        return Way(bowed.way, bowed.nearest, nearest.names)
     if not looks_around:
-        return Way(arc, clearance, names)
+        return Way(arc, nearest)
     found = find_detour((around,), arc[0], arc[-1])
     if found.way is None:
-        return Way(arc, *min((clearance, names), (found.clearance, found.names)))
-    return Way(found.way, found.clearance, found.names, names)
+        return Way(arc, choose_nearer(nearest, found.nearest))
+    return Way(found.way, found.nearest, nearest.names)
 
 
-def spell_nearness(names: str, clearance: float) -> str:
-    """Return in words who comes too near on a way; a ``clearance`` [m] of -inf is one of joint limits, which has no distance."""
-    return f"{names} come{f' within {1e3 * clearance:.1f} mm' if np.isfinite(clearance) else ' too near'} on the way"
+def choose_nearer(*found: Nearness) -> Nearness:
+    """Return the least of these; where two are the same, the one that comes first by name."""
+    return min(found, key=lambda nearest: (nearest.distance, nearest.names))
+
+
+def refuse_way(hand: HandModel, nearest: Nearness) -> Refusal:
+    """Return the refusal of a way on which these come too near; at -inf it is a finger's joints that come to their limits."""
+    if np.isfinite(nearest.distance):
+        cause = refuse_nearness(nearest, hand.limits.clearance)
+    else:
+        cause = Refusal(RefusalKind.JOINT_LIMIT, nearest.bodies)
+    return Refusal(RefusalKind.ON_WAY, because=(cause,))
 
 
 def describe_detour(way: Way | None) -> str:

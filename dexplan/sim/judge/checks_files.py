@@ -14,6 +14,8 @@ from dexplan.spatial import Array
 
 SAME_POSITION, SAME_ANGLE = 1e-6, 1e-5
 """Stated twice, a position [m] and an angle [rad] differ by less: a model text carries nine digits, a plan twelve."""
+FORMATS = (1, 2)
+"""The formats of plan.json that are judged; what is read of them stands at the same place in both."""
 TOLD = 6
 """So many contradictions are spelled out; the others are counted."""
 
@@ -28,6 +30,8 @@ def check_files_agree(case: Case) -> CheckResult:
 def find_contradictions(case: Case) -> Iterator[str]:
     """Yield one sentence per contradiction between the values themselves, wherever they were read from."""
     plan = case.plan
+    if plan.get("format", FORMATS[-1]) not in FORMATS:
+        yield f"the plan has format {plan['format']}, and {' and '.join(map(str, FORMATS))} are judged"
     if plan["status"] != "solved":
         yield f"the plan's status is {plan['status']}, which leaves nothing to run"
     if not plan["actions"]:

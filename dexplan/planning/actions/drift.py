@@ -8,13 +8,13 @@ import numpy as np
 
 from dexplan.kinematics.chain import compute_tip_jacobian, solve_ik, wrap_near
 from dexplan.kinematics.finger import FingerDescription
-from dexplan.plans.plan import Placement
-from dexplan.plans.roll import Roll
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, hat
 
 
 def follow_contact(
-    finger: FingerDescription, placement: Placement, roll: Roll | None, X_WO: Array, q_start: Array
+    finger: FingerDescription, placement: Placement, roll: TipRoll | None, X_WO: Array, q_start: Array
 ) -> tuple[Array, float]:
     """Follow one holding finger while the object moves and, with ``roll``, while its tip rolls on the object.
 
@@ -54,8 +54,8 @@ def follow_contact(
 
 def follow_contacts(
     fingers: tuple[FingerDescription, ...],
-    contacts: tuple[Placement | None, ...],
-    rolls: Mapping[int, Roll],
+    contacts: Contacts,
+    rolls: Mapping[int, TipRoll],
     X_WO: Array,
     postures: dict[int, Array],
 ) -> float:

@@ -14,7 +14,7 @@ from dexplan.spatial import Array, read_only
 
 
 @dataclass(frozen=True, eq=False)
-class Roll:
+class TipRoll:
     """Finger ``finger`` rolls: its tip passes ``X_OF`` (K, 4, 4) in the object frame at evenly spaced progress.
 
     ``normal_O`` (K, 3) are the object's outward unit normals at the contacts on the way.

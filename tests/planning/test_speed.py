@@ -10,9 +10,8 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.control.reference import build_reference
-from dexplan.control.speed import compute_speed
+from dexplan.plans.pace import PACES
 from dexplan.plans.plan import Plan
-from dexplan.plans.speed import PACES
 from dexplan.problems.read import load_problem
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -44,11 +43,9 @@ def test_a_speed_that_is_reached_is_not_called_limited() -> None:
 
 
 def test_told_speed_is_what_the_reference_does(plan: Plan) -> None:
-    problem = load_problem(CASES / "fast.toml")
-    scene, timing = pipeline.build_scene(problem), pipeline.build_timing(problem)
-    reference = build_reference(plan, scene.fingers, timing)
+    reference = build_reference(plan)
     rates = [
-        abs(phase.object_path.progress(t)[1] * phase.object_path.angle)
+        abs(phase.object_path.progress(t).rate * phase.object_path.motion.angle)
         for phase in reference.phases
         for t in np.linspace(0.0, phase.duration, 101)
     ]
@@ -70,12 +67,11 @@ def test_nothing_is_said_of_a_hand_that_holds_still() -> None:
 def test_slow_motions_keep_to_the_drift_per_radian() -> None:
     """A contact that may drift by next to nothing per radian makes the motion slow, in proportion and not as a square root."""
     problem = load_problem(CASES / "fast.toml")
-    scene, timing = pipeline.build_scene(problem), pipeline.build_timing(problem)
-    found = pipeline.plan(problem)
+    timing, found = pipeline.build_timing(problem), pipeline.plan(problem)
     speeds = []
     for share in (0.1, 0.05):
         strict = replace(timing, drift_per_radian=share * timing.drift_per_radian)
-        told = compute_speed(build_reference(found, scene.fingers, strict))
+        told = pipeline.time_plan(problem, found, strict).speed
         assert told is not None
         speeds.append(told.reached)
     assert speeds[1] == pytest.approx(0.5 * speeds[0], rel=1e-6)
