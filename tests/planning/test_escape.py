@@ -152,7 +152,7 @@ def test_attitude_from_a_stuck_start(hand: HandModel, cases: dict[int, Case]) ->
     assert plan.statistics["nodes"] < 100
     # What moves first is the pair, about an axis to where there is room.
     first = next(a for a in plan.actions if a.name == "move_object")
-    assert any(np.allclose(first.axis_W, e.axis_W) for e in case.escapes)
+    assert any(np.allclose(first.motion.axis_W, e.axis_W) for e in case.escapes)
     assert first.grasping == tuple(sorted(h.finger for h in case.pair))
     assert np.allclose(plan.actions[-1].X_WO_end, plan.X_WO_goal, atol=1e-9)
     assert Recheck(hand, plan).faults == []

@@ -17,6 +17,8 @@ from schema import find_faults
 from dexplan import pipeline
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import RefusalKind
+from dexplan.plans.status import Status
 from dexplan.problems.read import load_problem
 from dexplan.sim.judge.validate import validate_run
 from dexplan.witness.digests import as_compared
@@ -74,6 +76,14 @@ def test_plans_are_written_as_the_schema_says(plans: dict[str, Plan], key: str) 
         assert len(action["ways"]) == any(phase["name"] == "travel" for phase in action["phases"]) or (
             action["kind"] == "move_object"
         )
+
+
+def test_the_schema_names_every_status_and_kind_of_refusal(plans: dict[str, Plan]) -> None:
+    assert set(SCHEMA["properties"]["status"]["enum"]) == {str(status) for status in Status}
+    assert set(SCHEMA["$defs"]["refusal"]["properties"]["kind"]["enum"]) == {
+        kind.value for kind in RefusalKind
+    }
+    assert not plans["refused"].is_solved
 
 
 def test_questions_cover_every_kind_of_action(plans: dict[str, Plan]) -> None:
