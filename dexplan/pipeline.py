@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -260,10 +260,16 @@ def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     return replace(options, **changes)
 
 
-def validate(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
-    """Judge a run by replaying it; uses problem and plan as data only.  Raises RunFolderError for a trace that is none."""
+def validate(
+    problem: Problem, plan: Plan, trace: Trace, *, groups: Iterable[str] | None = None
+) -> ValidationReport:
+    """Judge a run by replaying it; uses problem and plan as data only.
+
+    ``groups`` names the groups of checks to judge, of "physics", "task", "contacts", "forces", "internals" (None: all); the
+    verdict line tells which.  Raises RunFolderError for a trace that is none, UnknownNameError for no group.
+    """
     check_replayable(trace, "the trace")
-    return validate_run(problem.as_dict(), plan.as_dict(), trace)
+    return validate_run(problem.as_dict(), plan.as_dict(), trace, groups=groups)
 
 
 def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:

@@ -12,7 +12,20 @@ import pytest
 from rooms import ROOMS, WITH_FLOORS
 
 PACKAGE = Path(__file__).resolve().parents[1] / "dexplan"
-LINE_LIMIT = 400
+LINE_LIMIT, CLASS_LIMIT = 350, 200
+LONG_FILES = {
+    "commands.py",
+    "pipeline.py",
+    "planning/gait/contacts.py",
+    "planning/gait/search.py",
+    "planning/regions/contactable.py",
+    "planning/tasks/object_manipulation.py",
+    "planning/tasks/stages.py",
+    "witness/endurance.py",
+}
+"""Files beyond the limit, none longer than 400 lines.  This list only shrinks."""
+LONG_CLASSES = {"GaitSearch", "ContactTable", "Stages", "_Planning", "PairSurvey", "Reader"}
+"""Classes beyond the limit.  This list only shrinks."""
 BANNED_NAMES = {"utils", "util", "common", "helpers", "helper", "manager", "managers", "misc"}
 STEPPING_FILES = {
     "sim/record/rollout.py",
@@ -201,7 +214,21 @@ def test_names_and_lengths(path: Path) -> None:
     parts = {part.removesuffix(".py") for part in path.relative_to(PACKAGE).parts}
     assert not parts & BANNED_NAMES, f"{_name(path)}: a name that says nothing"
     count = len(path.read_text(encoding="utf-8").splitlines())
-    assert count <= LINE_LIMIT, f"{_name(path)} has {count} lines; split it"
+    assert count <= (400 if _name(path) in LONG_FILES else LINE_LIMIT), (
+        f"{_name(path)} has {count} lines; split it"
+    )
+
+
+def test_what_is_too_long_is_listed_and_nothing_else() -> None:
+    long_files = {_name(f) for f in FILES if len(f.read_text(encoding="utf-8").splitlines()) > LINE_LIMIT}
+    long_classes = {
+        node.name
+        for file in FILES
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef) and (node.end_lineno or 0) - node.lineno > CLASS_LIMIT
+    }
+    assert long_files == LONG_FILES
+    assert long_classes == LONG_CLASSES
 
 
 def test_the_checker_finds_what_it_looks_for() -> None:

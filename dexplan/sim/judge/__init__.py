@@ -4,6 +4,7 @@
 ``validate``               ``validate_run``: all checks, one ``ValidationReport``
 ``replay``                 ``replay``: the record stepped again, and what every sample shows
 ``limits``                 the limits of the checks (``limits.toml``): which may be set, which way is looser
+``groups``                 checks in groups: physics, task, contacts, forces, internals
 ``world``                  what is known of a model, by name
 ``force_audit``            could any contact forces give the object what it should get?
 =========================  ==================================================================================
@@ -19,6 +20,7 @@ __all__ = [
     "force_audit",
     "force_audit_questions",
     "force_audit_values",
+    "groups",
     "limits",
     "replay",
     "validate",

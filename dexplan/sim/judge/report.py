@@ -13,6 +13,7 @@ from typing import Any, Literal
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.sim.judge.checks_case import CheckResult
+from dexplan.sim.judge.groups import GROUPS
 from dexplan.sim.judge.limits import INTEGRITY
 
 FORMAT = 1
@@ -35,7 +36,8 @@ class ValidationReport:
 
     ``physics`` are the parameters simulated under, ``timing`` seconds simulated and spent, ``versions`` and
     ``machine`` of what judged.  ``recorded`` are versions and machine of the record as it states them, with its
-    ``differences`` from here; ``loose_limits`` maps limits looser than their defaults to ``value`` and ``default``.
+    ``differences`` from here; ``loose_limits`` maps limits looser than their defaults to ``value`` and ``default``;
+    ``groups`` are those whose checks were judged.
     """
 
     name: str
@@ -49,11 +51,13 @@ class ValidationReport:
     machine: Mapping[str, str] = field(default_factory=dict)
     recorded: Mapping[str, Any] = field(default_factory=dict)
     loose_limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    groups: tuple[str, ...] = tuple(GROUPS)
 
     __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "checks", tuple(self.checks))
+        object.__setattr__(self, "groups", tuple(self.groups))
         for key in ("physics", "timing", "versions", "machine", "recorded", "loose_limits"):
             object.__setattr__(self, key, MappingProxyType(json.loads(json.dumps(dict(getattr(self, key))))))
 
@@ -96,12 +100,18 @@ class ValidationReport:
             "machine": dict(self.machine),
             "recorded": dict(self.recorded),
             "loose_limits": dict(self.loose_limits),
+            "groups": list(self.groups),
         }
 
     @property
     def reservations(self) -> tuple[str, ...]:
-        """What has to be said beside the verdict, one sentence each: looser limits, a record from elsewhere."""
+        """What has to be said beside the verdict, one sentence each: groups left out, looser limits, a record from
+        elsewhere.
+        """
         told = []
+        left_out = [name for name in GROUPS if name not in self.groups]
+        if left_out:
+            told.append(f"judged: {', '.join(self.groups)}; not judged: {', '.join(left_out)}")
         if self.loose_limits:
             words = [
                 f"{key} {x['value']:g} instead of {x['default']:g}" for key, x in self.loose_limits.items()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from dexplan.sim.judge import (
     checks_rolling,
 )
 from dexplan.sim.judge.checks_case import MAY, Case, CheckResult, find_runs
+from dexplan.sim.judge.groups import GROUPS, find_group, resolve_groups
 from dexplan.sim.judge.limits import find_loose_limits, load_default_limits, resolve_limits
 from dexplan.sim.judge.recipe import check_times, read_recipe
 from dexplan.sim.judge.replay import Replay, replay
@@ -115,14 +116,17 @@ def validate_run(
     plan: Mapping[str, Any],
     trace: Trace,
     limits: Mapping[str, bool | float] | None = None,
+    groups: Iterable[str] | None = None,
 ) -> ValidationReport:
     """Replay ``trace`` and judge it: ``problem`` and ``plan`` as the data of their files.
 
-    ``limits`` stand over the problem's ``[acceptance]``, which stands over the packaged defaults.  A bad run
+    ``groups`` names the groups of checks to judge (``groups.GROUPS``; None: all), which the verdict line tells where some are
+    left out.  ``limits`` stand over the problem's ``[acceptance]``, which stands over the packaged defaults.  A bad run
     is a verdict; RunFolderError is raised only where there is nothing to step: no controls, or a model that
-    does not compile; ProblemError for limits that may not be set.
+    does not compile; ProblemError for limits that may not be set, UnknownNameError for no group.
     """
     began = time.perf_counter()
+    judged = resolve_groups(groups)
     numbers = resolve_limits(problem.get("acceptance", {}), limits or {})
     recipe = read_recipe(trace.columns)
     check_times(trace.columns, recipe.physics_steps_per_sample, read_world(trace.model_xml).timestep)
@@ -139,7 +143,7 @@ def validate_run(
         differences,
         trace.contradictions,
     )
-    results = run_checks(case)
+    results = run_checks(case, judged)
     timing = {
         "simulated_s": case.sample_count * case.sample_time,
         "replay_s": round(stepped - began, 3),
@@ -165,13 +169,19 @@ def validate_run(
             limit.name: {"value": limit.value, "default": limit.default}
             for limit in find_loose_limits(numbers)
         },
+        groups=judged,
     )
 
 
-def run_checks(case: Case) -> tuple[CheckResult, ...]:
-    """Return the results of all checks, those that the problem does not ask for marked so."""
-    results = []
+def run_checks(case: Case, groups: Iterable[str] = tuple(GROUPS)) -> tuple[CheckResult, ...]:
+    """Return the results of all checks, those marked that the problem does not ask for, or that are of no group judged."""
+    results, asked = [], set(groups)
     for name, check in CHECKS:
+        group = find_group(name)
+        if group not in asked:
+            note = f"the group {group} was not judged"
+            results.append(CheckResult(name, "not_applicable", None, None, "", note=note))
+            continue
         is_idle, why = NOT_APPLICABLE.get(name, (None, ""))
         if is_idle is not None and is_idle(case.problem):
             results.append(CheckResult(name, "not_applicable", None, None, "", note=why))
