@@ -48,9 +48,8 @@ class _Moment(NamedTuple):
 
 
 def _look_at(path: ObjectPath, t: float) -> _Moment:
-    motion = path.motion
-    if motion.angle == 0.0 and not motion.shift_W.any():
-        return _Moment(path, t, motion.X_WO_start, _STILL)
+    if path.motion.is_still:
+        return _Moment(path, t, path.motion.X_WO_start, _STILL)
     X, _, acceleration = path.sample(t)
     return _Moment(path, t, X, acceleration)
 
@@ -223,7 +222,7 @@ class Controller:
         """Let the poses at which the fingers hold follow the measured ones."""
         share = self._tick / self._options.relaxation
         X_WF, R_WO, p_WO = self._measured.X_WF, observation.X_WO[:3, :3], observation.X_WO[:3, 3]
-        s = phase.object_path.progress(t)[0] if phase.rolls else 1.0
+        s = phase.object_path.progress(t).done if phase.rolls else 1.0
         rolling = [i for i in phase.holding if i in phase.rolls] if s < 1.0 else []
         for i in rolling:
             X_OF = invert_pose(observation.X_WO) @ X_WF[i]
@@ -240,7 +239,7 @@ class Controller:
     def _aim(self, phase: Phase, t: float, time: float, X_WO_aim: Array) -> None:
         """Aim every fingertip for the end of this tick."""
         if phase.rolls:
-            before, s = (phase.object_path.progress(now)[0] for now in (t, t + self._tick))
+            before, s = (phase.object_path.progress(now).done for now in (t, t + self._tick))
             for i in phase.rolls if before < 1.0 else ():
                 self._carried[i] = self._offsets[i].apply(phase.rolls[i], s)
         held = X_WO_aim @ self._carried

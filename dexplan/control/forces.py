@@ -12,9 +12,10 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.control.hand import MeasuredHand
 from dexplan.control.observation import Observation
 from dexplan.control.options import ControlOptions
-from dexplan.control.reference import Phase, Reference, smooth_step
+from dexplan.control.reference import Phase, Reference
 from dexplan.grasp.force.solver import EXCHANGES, GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
 from dexplan.grasp.grasp import map_contact
+from dexplan.plans.pace import smooth_step
 from dexplan.scene.scene import Scene
 from dexplan.spatial import GRAVITY, Array
 

@@ -49,7 +49,7 @@ def ratios() -> tuple[float, float]:
         pipeline.plan(problem),
         pipeline.build_options(problem),
     )
-    reference = build_reference(plan, scene.fingers, pipeline.build_timing(problem))
+    reference = build_reference(plan)
     trace = rollout(scene, reference, options)
     steps = int(trace["physics_steps_per_sample"])
     bare, loop, again = _measure(
