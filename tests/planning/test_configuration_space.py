@@ -30,7 +30,7 @@ def hand(scene: Scene) -> HandModel:
 
 def touch(hand: HandModel, azimuths_deg: dict[int, float], depth: float = 0.0) -> Array:
     """Return the posture (F, J) with these fingers on the equator, ``depth`` [m] in the ball, the others at home."""
-    q, X_WO = hand.q_home, hand.object.X_WO_home
+    q, X_WO = hand.q_home.copy(), hand.object.X_WO_home
     for i, azimuth in azimuths_deg.items():
         a = np.radians(azimuth)
         normal = np.array([np.cos(a), np.sin(a), 0.0])

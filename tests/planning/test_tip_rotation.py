@@ -117,5 +117,5 @@ class TestHand:
         assert swept[-1] > 8.0
         hand = replace(stand.hand, tip_rotation_limit=np.radians(5.0))
         q, why = follow_roll(hand, stand.plan.X_WO_start, roll, stand.start.q)
-        assert "hand.tip_rotation_limit_deg is 5.0" in why
+        assert "hand.tip_rotation_limit_deg is 5.0" in str(why)
         assert swept[len(q) - 1] <= 5.0 < swept[len(q)]

@@ -167,7 +167,7 @@ def test_object_turns_on_rolling_contacts() -> None:
         hand, Admissibility(hand), still.X_WO_start, still.start_contacts, up, np.radians(angle), 1.0
     )
     assert turn.action is not None
-    assert turn.limit == ""
+    assert turn.limit is None
     end = rest_at(turn.action.X_WO_end, up)
     last = build_hold(turn.action.contacts_end, end, "the goal is reached")
     plan = replace(

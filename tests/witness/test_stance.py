@@ -8,7 +8,7 @@ import pytest
 
 from dexplan.contact.friction import HardFinger, SoftFinger
 from dexplan.scene.library import load_scene
-from dexplan.scene.touch import read_touches
+from dexplan.scene.touch import TOUCH_FIELDS, build_touch_model, read_touches
 from dexplan.spatial import build_frame, direction_from_angles
 from dexplan.witness.experiments import PRELOAD, build_grasp, solve_forces
 from dexplan.witness.stance import STATE, Stance, solve_stance
@@ -39,12 +39,17 @@ def test_starts_with_the_wanted_forces_at_rest(directions, model) -> None:
     assert np.abs(data.qvel).max() == 0.0
     # The object: weight is 0.59 N on 60 g; what is left of 10 N per contact is its softness.
     assert np.abs(data.qacc[scene.object_dof : scene.object_dof + 3]).max() < 0.1
-    touches = read_touches(scene, data)
+    sensing = build_touch_model(scene)
+    sensed = mujoco.MjData(sensing)
+    mujoco.mj_setState(sensing, sensed, stance.state, STATE)
+    sensed.ctrl[:] = data.ctrl
+    mujoco.mj_forward(sensing, sensed)
+    touches = read_touches(scene, {name: np.array(getattr(sensed, name))[None] for name in TOUCH_FIELDS})
     for k, (i, direction) in enumerate(directions.items()):
-        felt = touches.rotation_O[i] @ touches.force[i, :3]
+        felt = touches.rotation_O[0, i] @ touches.force[0, i, :3]
         wanted = build_frame(-direction) @ forces[k, :3]
         np.testing.assert_allclose(felt, wanted, atol=0.02)
-        assert touches.force[i, 3] == pytest.approx(forces[k, 3], abs=2e-4)
+        assert touches.force[0, i, 3] == pytest.approx(forces[k, 3], abs=2e-4)
     share = np.abs(data.actuator_force[scene.actuators]) / np.stack([f.torque_limit for f in scene.fingers])
     assert share.max() == pytest.approx(stance.compute_torque_share(forces), abs=1e-3)
 
