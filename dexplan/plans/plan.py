@@ -177,7 +177,9 @@ class Plan:
             statistics=data["statistics"],
             # Older files, and plans that reach their goal, have none.
             refusal=None if data.get("refusal") is None else Refusal.from_dict(data["refusal"]),
-            goal_contacts=None if goal.get("contacts") is None else reader.read_goal_contacts(goal["contacts"]),
+            goal_contacts=None
+            if goal.get("contacts") is None
+            else reader.read_goal_contacts(goal["contacts"]),
         )
 
     def explain(self) -> str:
