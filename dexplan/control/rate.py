@@ -11,8 +11,8 @@ A position servo holds its command for a tick.  While a joint turns it is pulled
 when the next one comes: the torque of the servo goes up and down by gain x joint speed x half a tick, around a mean that is the
 one planned.  Read step by step (94 g, tips of 7 and 25 mm, 20 deg/s): 1.6 mN m up and down, mean off by 0.07 mN m.  It does not
 depend on gains of the feedback, relaxation or feedforward, and falls to a third with ticks of half the length.  Largest seen in
-seven random problems: 2.1 mN m; what is above that is reserve, as much as leaves 2.5 mm of torsional friction, a safety of 1.3 and
-5.5 N (3.2 mN m to spare) with 250 ticks per second, with which such problems pass."""
+seven random problems: 2.1 mN m; the rest is reserve, no more than what 2.5 mm of torsional friction, a safety of 1.3 and 5.5 N
+have to spare (3.2 mN m), for such problems pass with 250 ticks per second."""
 STEPS = 4
 """Physics steps in the ticks that ``TWIST`` was measured with; a tick of one step has no up and down."""
 RATES = (RATE, 500.0, 1000.0)
