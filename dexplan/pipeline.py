@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,7 +44,8 @@ from dexplan.sim.judge.world import read_world
 from dexplan.sim.record import rollout as _rollout
 from dexplan.sim.trace import Trace, check_replayable
 from dexplan.spatial import Array, as_pose
-from dexplan.viz.timeline import build_captions
+from dexplan.viz.film import CAMERAS, FPS, SIZE, Film, FilmOptions
+from dexplan.viz.story import build_captions
 
 
 def plan(problem: Problem) -> Plan:
@@ -162,22 +163,37 @@ def validate(
     return validate_run(problem.as_dict(), plan.as_dict(), trace, groups=groups)
 
 
-def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
-    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``.
+def render(
+    trace: Trace,
+    path: str | Path,
+    plan: Plan | None = None,
+    *,
+    cameras: Sequence[str] = CAMERAS,
+    size: tuple[int, int] = SIZE,
+    fps: float = FPS,
+    quality: str = "normal",
+) -> Film:
+    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``; return the film, which a notebook shows.
 
-    The trace carries its captions; ``plan`` adds marks where the goal's contacts are.  Raises RenderError where no renderer can
-    be started, and for any other suffix.
+    The trace carries its words; a ``plan`` tells them anew.  ``cameras``: one or two, side by side, of ``overview``,
+    ``closeup``, ``top``, ``side``; ``size``: width and height [pixels]; ``quality``: ``draft``, ``normal`` or ``fine``.
+    Raises RenderError where no renderer can be started, and for any other suffix; FilmOptionError for options that make no film.
     """
     from dexplan.viz.video import render_video
 
-    render_video(trace, plan, Path(path))
+    return render_video(trace, plan, Path(path), FilmOptions(size, tuple(cameras), fps, quality))
 
 
-def render_run(folder: str | Path) -> None:
-    """Film a saved run: writes ``video.mp4`` into its folder."""
+def render_run(
+    folder: str | Path,
+    path: str | Path | None = None,
+    options: FilmOptions | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Film:
+    """Film a saved run into its ``video.mp4``, or into ``path``; return the film."""
     from dexplan.viz.video import render_run as film
 
-    film(Path(folder))
+    return film(Path(folder), options, path=path, progress=progress)
 
 
 def save_run(

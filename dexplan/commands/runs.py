@@ -15,6 +15,7 @@ from dexplan.errors import RenderError, RunFolderError
 
 if TYPE_CHECKING:
     from dexplan.sim.judge.validate import ValidationReport
+    from dexplan.viz.film import FilmOptions
 
 
 def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, seed: int | None) -> int:
@@ -87,13 +88,14 @@ def _read_verdict(folder: Path) -> str:
         return ""
 
 
-def render(folder: Path) -> int:
-    """Make the video of a saved run."""
+def render(folder: Path, out: Path | None = None, options: FilmOptions | None = None) -> int:
+    """Make the film of a saved run, ``video.mp4`` in its folder or ``out``."""
     check_run_folder(folder)
-    run_folder.check_replaceable(folder / "video.mp4")
-    code = _make_video(folder)
+    path = folder / "video.mp4" if out is None else out
+    run_folder.check_film_replaceable(path)
+    code = _make_video(folder, path, options)
     if code == CONFIRMED:
-        print(folder / "video.mp4")
+        print(path)
     return code
 
 
@@ -104,12 +106,13 @@ def _judge(report: ValidationReport) -> int:
     return CONFIRMED if report.verdict == "pass" else HONEST_NO
 
 
-def _make_video(folder: Path) -> int:
+def _make_video(folder: Path, path: Path | None = None, options: FilmOptions | None = None) -> int:
     """Render the run in ``folder``; a machine that cannot render is an honest no, said in one line."""
     from dexplan import pipeline
 
     try:
-        pipeline.render_run(folder)
+        with show_progress("filming") as progress:
+            pipeline.render_run(folder, path, options, progress)
     except RenderError as error:
         print(f"dexplan: no video: {' '.join(str(error).split())}", file=sys.stderr)
         return HONEST_NO

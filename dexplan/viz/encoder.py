@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from dexplan.errors import RenderError
@@ -98,6 +99,16 @@ def _turn_into_gif(encoding: Encoding, film: str, fps: float) -> None:
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
         if done.returncode != 0:
             _refuse("GIF", done.stderr)
+    _sign_gif(Path(encoding.path))
+
+
+def _sign_gif(path: Path) -> None:
+    """Put a comment behind the palette of a GIF that says whose it is, by which a later film knows that it may replace it."""
+    content = path.read_bytes()
+    # A header of 6 bytes and a screen of 7, whose fifth tells how large the palette is that follows.
+    end = 13 + (3 * 2 ** ((content[10] & 7) + 1) if content[10] & 0x80 else 0)
+    mark = SOFTWARE.encode()
+    path.write_bytes(content[:end] + b"\x21\xfe" + bytes([len(mark)]) + mark + b"\0" + content[end:])
 
 
 def _refuse(what: str, complaint: bytes) -> None:

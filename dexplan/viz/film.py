@@ -75,9 +75,7 @@ class FilmOptions:
         if len(self.cameras) not in (1, 2):
             raise FilmOptionError(f"{len(self.cameras)} cameras: one, or two side by side, are accepted")
         if not 1.0 <= self.fps <= MOST_FPS:
-            raise FilmOptionError(
-                f"{self.fps:g} pictures per second: 1 to {MOST_FPS:g} of them are accepted"
-            )
+            raise FilmOptionError(f"{self.fps:g} pictures per second: 1 to {MOST_FPS:g} of them are accepted")
         if self.quality not in QUALITIES:
             raise UnknownNameError("quality", self.quality, QUALITIES)
 
@@ -86,7 +84,9 @@ def parse_size(text: str) -> tuple[int, int]:
     """Return ``1280x720`` as width and height.  Raises FilmOptionError for anything else."""
     width, _, height = text.lower().partition("x")
     if not (width.isdecimal() and height.isdecimal()):
-        raise FilmOptionError(f"size {text!r} is no size; accepted: width x height in pixels, such as 1280x720")
+        raise FilmOptionError(
+            f"size {text!r} is no size; accepted: width x height in pixels, such as 1280x720"
+        )
     return int(width), int(height)
 
 

@@ -19,6 +19,7 @@ from dexplan.plans.plan import Plan
 from dexplan.run_folder import check_replaceable
 from dexplan.sim.trace import Trace
 from dexplan.viz.canvas import SOFTWARE
+from dexplan.viz.film import FilmOptions
 from dexplan.viz.palette import INK, get_finger_color
 from dexplan.viz.timeline import build_action_spans
 from dexplan.viz.video import render_frames
@@ -102,9 +103,8 @@ def draw_frames(
         raise ValueError(f"{columns} columns make no row; 1 or more are accepted")
     frames = choose_frames(trace, plan, most)
     with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
-        paths = render_frames(
-            trace, [f.time for f in frames], folder, plan=plan, size=FRAME_SIZE, camera=camera
-        )
+        options = FilmOptions(FRAME_SIZE, (camera,), quality="fine", is_told=False)
+        paths = render_frames(trace, [f.time for f in frames], folder, plan=plan, options=options)
         pictures = [_crop(imread(p)) for p in paths]
     figure = _compose(frames, pictures, columns, len(_list_frames(trace, plan)))
     target = Path(path)

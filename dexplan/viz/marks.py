@@ -1,12 +1,13 @@
 """Marks on the things of a picture: where the object was touched and will be, its goal, friction cones with the forces in them.
 
-Trails, goals and the ghost of the goal's attitude stand in the world and are hidden by what is in front of them.  Cones, forces and
-the fingers' numbers are drawn over it, since they lie inside the object.
+Trails, goals and the ghost of the goal's attitude stand in the world and are hidden by what is in front of them.  Cones, forces
+and the fingers' numbers are drawn over it, since they lie inside the object.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, rotate_about
@@ -26,13 +27,15 @@ GOAL_SHADE = 0.5
 """A goal is marked in its finger's colour, darkened to this share, as in the paper's figure 5."""
 DOT_RADIUS, TRAIL_WIDTH = 0.0016, 3.0
 """Of a contact on the object [m], and of a trail [pixels]."""
+LEAST_TRAIL = 0.0005
+"""A contact that has wandered less [m] leaves a dot alone."""
 RAISED = 0.0004
 """Trails lie so far above the surface [m]."""
 TARGET_RADIUS = 0.007
 """Of the ring where a free finger is going to touch [m]."""
 GHOST_COLOR, GHOST_RAISED, GHOST_WIDTH = "#4F6BAE", 0.0035, 5.0
 """Of the ghost of the goal's attitude: its colour, how far it floats above the object [m], its width [pixels]."""
-GHOST_SPAN = np.radians([86.0, -14.0])
+GHOST_SPAN = np.radians(86.0), np.radians(-14.0)
 """Elevations between which the ghost shows the object's arrow."""
 RING = np.linspace(0.0, 2.0 * np.pi, 25)
 BADGE = 11.0
@@ -52,13 +55,15 @@ def add_trails(stage: Stage, facts: Facts, bodies: tuple[int, ...], time: float)
         lifted_W = lifted @ X_WO[:3, :3].T + X_WO[:3, 3]
         color = get_finger_color(episode.finger)
         stage.add_ball(lifted_W[0], DOT_RADIUS, color)
-        stage.add_line(_thin(lifted_W), TRAIL_WIDTH, color)
+        if np.linalg.norm(points - points[0], axis=1).max() > LEAST_TRAIL:
+            stage.add_line(_thin(lifted_W), TRAIL_WIDTH, color)
     for finger, episode in latest.items():
         X_WB = stage.find_body(bodies[finger])
         points = episode.point_B[: max(1, np.searchsorted(episode.times, time, side="right"))]
         points_W = points @ X_WB[:3, :3].T + X_WB[:3, 3]
         stage.add_ball(points_W[0], DOT_RADIUS, INK)
-        stage.add_line(_thin(points_W), TRAIL_WIDTH, INK)
+        if np.linalg.norm(points - points[0], axis=1).max() > LEAST_TRAIL:
+            stage.add_line(_thin(points_W), TRAIL_WIDTH, INK)
 
 
 def add_goals(stage: Stage, story: Story, pose_first: Array) -> None:
@@ -71,7 +76,7 @@ def add_goals(stage: Stage, story: Story, pose_first: Array) -> None:
             stage.add_ball(X_WO[:3, :3] @ point + X_WO[:3, 3], GOAL_RADIUS, color)
     if story.X_WO_goal is None or not _is_moved(story, pose_first):
         return
-    elevations = np.linspace(*GHOST_SPAN, 14)
+    elevations = np.linspace(GHOST_SPAN[0], GHOST_SPAN[1], 14)
     reach = radius + GHOST_RAISED
     arc = reach * np.stack([np.cos(elevations), 0.0 * elevations, np.sin(elevations)], axis=1)
     R, p = story.X_WO_goal[:3, :3], story.X_WO_goal[:3, 3]
@@ -83,10 +88,10 @@ def add_goals(stage: Stage, story: Story, pose_first: Array) -> None:
         stage.add_line(np.stack([arc[-1], wing]) @ R.T + p, GHOST_WIDTH, GHOST_COLOR)
 
 
-def add_targets(stage: Stage, facts: Facts, active: Array, time: float) -> None:
+def add_targets(stage: Stage, facts: Facts, active: NDArray[np.bool_], time: float) -> None:
     """Add a ring on the object where each finger that does not touch is going to touch next."""
     X_WO = stage.find_object()
-    for finger in np.flatnonzero(~active):
+    for finger in np.flatnonzero(~active).tolist():
         coming = next((e for e in facts.episodes if e.finger == finger and e.start > time), None)
         if coming is None:
             continue
@@ -100,7 +105,9 @@ def add_targets(stage: Stage, facts: Facts, active: Array, time: float) -> None:
         stage.add_line(points @ X_WO[:3, :3].T + X_WO[:3, 3], TRAIL_WIDTH, get_finger_color(finger))
 
 
-def draw_cones(sketch: Sketch, projection: Projection, X_WO: Array, trace: Trace, sample: int, facts: Facts) -> None:
+def draw_cones(
+    sketch: Sketch, projection: Projection, X_WO: Array, trace: Trace, sample: int, facts: Facts
+) -> None:
     """Draw the friction cone of every contact into the object, as high as its normal force, and the force that is in it.
 
     The colour tells the share of friction used; an arrow that meets the cone's edge would slide.

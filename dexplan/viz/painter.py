@@ -13,7 +13,7 @@ from dexplan.spatial import Array
 from dexplan.viz import marks, panels
 from dexplan.viz.dress import dress_model
 from dexplan.viz.facts import compute_facts
-from dexplan.viz.film import CLOSE_UP, QUALITIES, FilmOptions
+from dexplan.viz.film import QUALITIES, FilmOptions
 from dexplan.viz.layout import Box, lay_out
 from dexplan.viz.sketch import Sketch
 from dexplan.viz.stage import Projection, Stage, View
@@ -38,6 +38,7 @@ class Painter:
         self._sketch = Sketch(*options.size)
         self._sketch.pixels[:] = (62, 67, 80, 255)
         self._stage = Stage(self._model, options.size, self._layout.views, QUALITIES[options.quality])
+        self._said: tuple[str, ...] = ()
         self._has_contacts = "contact_active" in trace and "action_index" in trace
         if options.is_told and self._has_contacts and self._layout.strip.height:
             self._draw_ground()
@@ -69,9 +70,7 @@ class Painter:
             self._tell(sample, now)
         return self._sketch.pixels
 
-    def _draw_badges(
-        self, view: View, projection: Projection, sample: int, bodies: tuple[int, ...]
-    ) -> None:
+    def _draw_badges(self, view: View, projection: Projection, sample: int, bodies: tuple[int, ...]) -> None:
         movers = self._story.find_chapter(self._find_action(sample)).movers
         scale = self._layout.scale
         for finger, (tip, body) in enumerate(zip(self._tips, bodies, strict=True)):
@@ -100,8 +99,12 @@ class Painter:
         times = self._trace["time"]
         headline = chapter.get_headline(phase)
         count = panels.count_actions(story.chapters, action)
-        clock = f"{now:.1f} s of {times[-1]:.0f} s"
-        panels.draw_header(sketch, layout.header, layout.scale, count, headline, chapter.why, clock)
+        words = (count, headline, chapter.why)
+        if words != self._said:
+            panels.draw_header(sketch, layout.header, layout.scale, *words)
+            self._said, self._header = words, sketch.pixels[: layout.header.height].copy()
+        sketch.pixels[: layout.header.height] = self._header
+        panels.draw_clock(sketch, layout.header, layout.scale, f"{now:.1f} s of {times[-1]:.0f} s")
         if layout.strip.height and self._has_contacts:
             sketch.pixels[layout.strip.top :] = self._footer
             length = max(float(times[-1] - times[0]), 1e-9)

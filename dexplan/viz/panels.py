@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dexplan.viz.layout import Box
+from dexplan.viz.marks import GHOST_COLOR
 from dexplan.viz.palette import INK, get_finger_color, get_share_color
 from dexplan.viz.sketch import Sketch, measure_text
 from dexplan.viz.story import Chapter
@@ -17,30 +18,60 @@ GROUND, PANEL, PALE, QUIET = "#1C1E24", "#23262E", "#F2F3F5", "#9AA1AD"
 BIG, SMALL, TINY = 23.0, 15.5, 12.5
 """Sizes of texts in a picture of 1280 x 720 [pixels]."""
 LEAST_TEXT = 9.0
+LEAD = "#F2C14E"
+CLOCK_ROOM = "999.9 s of 999 s"
+"""No time takes more room."""
 SLIDES = 1.0
 """The share of friction at which a contact slides; gauges end a little behind it."""
 GAUGE_END = 1.1
 
 
-def draw_header(
-    sketch: Sketch, box: Box, scale: float, count: str, headline: str, why: str, clock: str
-) -> None:
-    """Write the number of the action, what is being done, and why; the time on the right."""
+def draw_header(sketch: Sketch, box: Box, scale: float, count: str, headline: str, why: str) -> None:
+    """Write the number of the action, what is being done, and why; room for the time stays on the right."""
     sketch.draw_box(box.left, box.top, box.width, box.height, GROUND)
-    big, small = max(LEAST_TEXT + 2.0, BIG * scale), max(LEAST_TEXT, SMALL * scale)
+    big, small = _measure_header(scale)
     margin = 0.7 * small
-    has_two = box.height >= 1.9 * small + big
-    first = box.top + (0.34 if has_two else 0.5) * box.height
-    taken = sketch.draw_text(box.left + box.width - margin, first, clock, small, QUIET, "right") + 2.0 * margin
+    first = box.top + _place_first(box, scale)
     x = box.left + margin
     if count:
-        x += sketch.draw_text(x, first, count, big, "#F2C14E", is_bold=True) + margin
-    room = box.left + box.width - taken - x
-    size = next((s for s in (big, 0.88 * big, 0.76 * big) if measure_text(headline, s, True) <= room), 0.76 * big)
-    sketch.draw_text(x, first, sketch.fold_text(headline, size, room, 1, True)[0], size, "white", is_bold=True)
-    if has_two and why:
-        line = sketch.fold_text(f"why: {why}", small, box.width - 2.0 * margin)[0]
-        sketch.draw_text(box.left + margin, box.top + 0.76 * box.height, line, small, PALE)
+        x += sketch.draw_text(x, first, count, big, LEAD, is_bold=True) + margin
+    room = box.left + box.width - measure_text(CLOCK_ROOM, small) - 2.0 * margin - x
+    size = _shrink(headline, big, room, True)
+    line = sketch.fold_text(headline, size, room, 1, True)[0]
+    sketch.draw_text(x, first, line, size, "white", is_bold=True)
+    if _has_two_lines(box, scale) and why:
+        room = box.width - 2.0 * margin
+        size = _shrink(f"why: {why}", small, room, False)
+        line = sketch.fold_text(f"why: {why}", size, room)[0]
+        sketch.draw_text(box.left + margin, box.top + 0.76 * box.height, line, size, PALE)
+
+
+def draw_clock(sketch: Sketch, box: Box, scale: float, clock: str) -> None:
+    """Write the time into the room that the header leaves for it."""
+    _, small = _measure_header(scale)
+    x = box.left + box.width - 0.7 * small
+    sketch.draw_text(x, box.top + _place_first(box, scale), clock, small, QUIET, "right")
+
+
+def _measure_header(scale: float) -> tuple[float, float]:
+    """Return the sizes of the header's two lines."""
+    return max(LEAST_TEXT + 2.0, BIG * scale), max(LEAST_TEXT, SMALL * scale)
+
+
+def _has_two_lines(box: Box, scale: float) -> bool:
+    big, small = _measure_header(scale)
+    return box.height >= 1.4 * small + big
+
+
+def _place_first(box: Box, scale: float) -> float:
+    """Return how far below the header's edge its first line stands."""
+    return (0.34 if _has_two_lines(box, scale) else 0.5) * box.height
+
+
+def _shrink(text: str, size: float, room: float, is_bold: bool) -> float:
+    """Return the largest size of a few at which a text fits; the smallest where it fits at none."""
+    sizes = [size, 0.88 * size, 0.76 * size]
+    return next((s for s in sizes if measure_text(text, s, is_bold) <= room), sizes[-1])
 
 
 def draw_strip(sketch: Sketch, box: Box, scale: float, rows: Sequence[GaitRow], spans: Sequence[Span]) -> Box:
@@ -90,7 +121,9 @@ def draw_strip(sketch: Sketch, box: Box, scale: float, rows: Sequence[GaitRow], 
     y = box.top + box.height - 0.5 * foot
     sketch.draw_text(inner.left, y, f"{first:.0f} s", small, QUIET)
     sketch.draw_text(inner.left + inner.width, y, f"{last:.0f} s", small, QUIET, "right")
-    sketch.draw_text(inner.left + 0.5 * inner.width, y, "bars: the finger touches the object", small, QUIET, "center")
+    sketch.draw_text(
+        inner.left + 0.5 * inner.width, y, "bars: the finger touches the object", small, QUIET, "center"
+    )
     return inner
 
 
@@ -131,7 +164,12 @@ def draw_gauge_ground(sketch: Sketch, box: Box, scale: float, count: int) -> Box
 
 
 def draw_gauges(
-    sketch: Sketch, inner: Box, scale: float, shares: Sequence[float], normals: Sequence[float], movers: Sequence[int]
+    sketch: Sketch,
+    inner: Box,
+    scale: float,
+    shares: Sequence[float],
+    normals: Sequence[float],
+    movers: Sequence[int],
 ) -> None:
     """Draw the bars: share of friction used by each finger, and how hard it presses; what one that does not touch is doing."""
     small = max(LEAST_TEXT, TINY * scale)
@@ -162,13 +200,17 @@ def draw_dial(sketch: Sketch, box: Box, scale: float, turned: float, goal: float
         sketch.draw_arc(center, radius, (0.0, way * min(done, whole)), "#182646", 9.0 * scale)
     if done > whole:
         # The next time round in a lighter colour.
-        sketch.draw_arc(center, radius, (0.0, way * ((done - whole) % whole)), "#7C93C4", 9.0 * scale)
+        sketch.draw_arc(center, radius, (0.0, way * ((done - whole) % whole)), GHOST_COLOR, 9.0 * scale)
     at = way * abs(goal)
     rim = np.array([np.sin(at), -np.cos(at)])
-    sketch.draw_line([center + (radius - 8.0 * scale) * rim, center + (radius + 8.0 * scale) * rim], "#D55E00", 3.5 * scale)
+    sketch.draw_line(
+        [center + (radius - 8.0 * scale) * rim, center + (radius + 8.0 * scale) * rim], "#D55E00", 3.5 * scale
+    )
     text = f"{round(np.degrees(done)) + 0}°"
     sketch.draw_text(center[0], center[1] - 0.35 * small, text, 1.5 * small, INK, "center", is_bold=True)
-    sketch.draw_text(center[0], center[1] + 1.05 * small, f"of {abs(np.degrees(goal)):.0f}°", small, INK, "center")
+    sketch.draw_text(
+        center[0], center[1] + 1.05 * small, f"of {abs(np.degrees(goal)):.0f}°", small, INK, "center"
+    )
 
 
 def draw_note(sketch: Sketch, box: Box, scale: float, lines: Sequence[str]) -> None:
@@ -177,9 +219,13 @@ def draw_note(sketch: Sketch, box: Box, scale: float, lines: Sequence[str]) -> N
         return
     small = max(LEAST_TEXT, TINY * scale)
     width = max(measure_text(line, small) for line in lines) + 1.6 * small
-    sketch.draw_box(box.left + 8, box.top + 8, width, (1.55 * len(lines) + 0.6) * small, "#FFFFFF", alpha=0.82)
+    sketch.draw_box(
+        box.left + 8, box.top + 8, width, (1.55 * len(lines) + 0.6) * small, "#FFFFFF", alpha=0.82
+    )
     for k, line in enumerate(lines):
-        sketch.draw_text(box.left + 8 + 0.8 * small, box.top + 8 + (1.55 * k + 1.05) * small, line, small, INK)
+        sketch.draw_text(
+            box.left + 8 + 0.8 * small, box.top + 8 + (1.55 * k + 1.05) * small, line, small, INK
+        )
 
 
 def draw_legend(sketch: Sketch, box: Box, scale: float, entries: Sequence[tuple[str, str]]) -> None:
@@ -205,8 +251,9 @@ def _draw_symbol(sketch: Sketch, kind: str, x: float, y: float, size: float) -> 
             sketch.draw_polygon(corners, color, INK, 1.0)
             sketch.draw_line([(x - size, y), (x + 0.8 * size, y - 0.15 * size)], INK, 2.0)
         case "ghost":
-            sketch.draw_line([(x - size, y), (x + size, y)], "#7C93C4", 3.0)
-            sketch.draw_line([(x + 0.4 * size, y - 0.45 * size), (x + size, y), (x + 0.4 * size, y + 0.45 * size)], "#7C93C4", 3.0)
+            sketch.draw_line([(x - size, y), (x + size, y)], GHOST_COLOR, 3.0)
+            near, half = x + 0.4 * size, 0.45 * size
+            sketch.draw_line([(near, y - half), (x + size, y), (near, y + half)], GHOST_COLOR, 3.0)
         case "target":
             sketch.draw_disc((x, y), 0.5 * size, None, get_finger_color(0), 2.0)
         case "goal":
@@ -219,7 +266,9 @@ def _draw_symbol(sketch: Sketch, kind: str, x: float, y: float, size: float) -> 
             sketch.draw_disc((x, y), 0.38 * size, QUIET)
 
 
-def pick_legend(has_cones: bool, has_ghost: bool, has_targets: bool, goals: int) -> tuple[tuple[str, str], ...]:
+def pick_legend(
+    has_cones: bool, has_ghost: bool, has_targets: bool, goals: int
+) -> tuple[tuple[str, str], ...]:
     """Return the entries of a legend for what a film shows."""
     entries = [
         (has_cones, "cone", "cone: forces that friction holds; arrow: the force"),

@@ -1,7 +1,7 @@
 """The process that draws.  ``video.py`` starts it with MUJOCO_GL set, and a JSON file tells it its job.
 
 It answers in JSON lines on stdout: ``{"event": "ready"}`` once a renderer runs, ``{"event": "no_renderer",
-"fact": ..}`` where none starts, ``{"event": "refused", "message": ..}`` for a job that cannot be done, and
+"fact": ..}`` where none starts, ``{"event": "refused", "kind": .., "message": ..}`` for a job that cannot be done, and
 ``{"event": "progress", "share": ..}`` meanwhile.
 """
 
@@ -52,7 +52,7 @@ def main(job_path: str) -> int:
     try:
         _work(job, options)
     except DexplanError as error:
-        _say(event="refused", message=str(error))
+        _say(event="refused", kind=type(error).__name__, message=str(error))
         return 1
     finally:
         window.free()

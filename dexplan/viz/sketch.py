@@ -70,7 +70,9 @@ class Sketch:
         x, y = np.asarray(center, dtype=float)
         self._draw(Path.circle((x, y), radius), fill, line, width, 1.0)
 
-    def draw_arc(self, center: ArrayLike, radius: float, span: Sequence[float], color: str, width: float) -> None:
+    def draw_arc(
+        self, center: ArrayLike, radius: float, span: Sequence[float], color: str, width: float
+    ) -> None:
         """Draw an arc over ``span``: two angles [rad], clockwise from above the centre."""
         count = max(2, int(abs(span[1] - span[0]) / 0.05) + 2)
         angles = np.linspace(span[0], span[1], count)
@@ -98,7 +100,7 @@ class Sketch:
             start += measure_text(part, size, is_bold)
         return width
 
-    def _stamp(self, x: float, y: float, ink: Array, color: str) -> None:
+    def _stamp(self, x: float, y: float, ink: NDArray[np.float32], color: str) -> None:
         """Lay ``ink`` (h, w), how much each pixel is covered, over the picture, from ``x`` on and around the height ``y``."""
         left, top = round(x) - PAD, round(y - 0.5 * ink.shape[0])
         rows = slice(max(top, 0), min(top + ink.shape[0], self.height))
@@ -110,7 +112,9 @@ class Sketch:
         full = 255.0 * np.array(as_rgba(color)[:3], dtype=np.float32)
         area[:] = (area + cover * (full - area)).astype(np.uint8)
 
-    def fold_text(self, text: str, size: float, width: float, most: int = 1, is_bold: bool = False) -> list[str]:
+    def fold_text(
+        self, text: str, size: float, width: float, most: int = 1, is_bold: bool = False
+    ) -> list[str]:
         """Return ``text`` in at most ``most`` lines of at most ``width`` pixels; what does not fit ends in an ellipsis."""
         lines: list[str] = [""]
         for word in text.split():
@@ -159,7 +163,7 @@ def _measure(text: str, size: float, is_bold: bool) -> float:
 
 
 @lru_cache(maxsize=512)
-def _paint_text(text: str, size: float, is_bold: bool) -> Array:
+def _paint_text(text: str, size: float, is_bold: bool) -> NDArray[np.float32]:
     """Return how much a line covers each pixel (h, w) [0 .. 1], ``PAD`` pixels wider on each side than it is."""
     height, width = 2 * round(0.9 * size), round(_measure(text, size, is_bold)) + 2 * PAD
     renderer = RendererAgg(width, height, 72)
@@ -168,7 +172,7 @@ def _paint_text(text: str, size: float, is_bold: bool) -> Array:
     # Half the height of capitals below the middle, whatever letters there are.
     baseline = round(0.5 * height + 0.36 * size)
     renderer.draw_text(context, PAD, baseline, text, _load_font(size, is_bold), 0.0)
-    return np.asarray(renderer.buffer_rgba())[..., 3].astype(np.float32) / np.float32(255.0)
+    return (np.asarray(renderer.buffer_rgba())[..., 3] / 255.0).astype(np.float32)
 
 
 @lru_cache(maxsize=64)

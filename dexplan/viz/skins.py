@@ -19,6 +19,8 @@ BAND = np.radians(5.0)
 HEAD_TIP, HEAD_END, HEAD_WIDTH = np.radians([-14.0, 12.0, 15.0])
 """The arrow's head: elevation of its point, elevation of its broad end, half width there [rad]."""
 TIP_INK = (250, 250, 250)
+BACK = np.radians(91.0)
+"""What is further from a tip's pole is its flat back [rad]."""
 TIP_LINE, TIP_BAND = np.radians(1.6), np.radians(4.5)
 
 
@@ -66,6 +68,8 @@ def paint_tip(n_F: Array, color: Array) -> Array:
     off = np.abs((azimuth + 0.5 * step) % step - 0.5 * step) * np.sin(angle)
     rings = np.abs((angle + np.radians(15.0)) % np.radians(30.0) - np.radians(15.0))
     is_line = (off < TIP_LINE) | ((rings < TIP_LINE) & (angle > 0.2))
-    skin[is_line] = 0.45 * skin[is_line] + 0.55 * np.array(TIP_INK)
-    skin[(np.abs(azimuth) * np.sin(angle) < TIP_BAND) & (angle < 1.6)] = TIP_INK
+    skin[is_line] = 0.35 * skin[is_line] + 0.65 * np.array(TIP_INK)
+    skin[np.abs(azimuth) * np.sin(angle) < TIP_BAND] = TIP_INK
+    # The flat side to which the stem leads.
+    skin[angle > BACK] = 0.75 * 255.0 * color
     return skin

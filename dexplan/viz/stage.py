@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -131,7 +132,7 @@ class Stage:
     def add_line(self, points_W: Array, width: float, color: str, opacity: float = 1.0) -> None:
         """Add a line through points (N, 3), ``width`` pixels thick."""
         kind = mujoco.mjtGeom.mjGEOM_LINE
-        for start, end in zip(points_W[:-1], points_W[1:], strict=True):
+        for start, end in pairwise(points_W):
             geom = self._add(kind, color, opacity)
             if geom is not None:
                 mujoco.mjv_connector(geom, kind, width, start, end)
@@ -144,7 +145,7 @@ class Stage:
         rgba = np.array([*as_rgb(color), opacity], dtype=np.float32)
         mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
         # Marks keep their colour whatever the lights do.
-        geom.emission, geom.specular = 0.3, 0.0
+        geom.emission, geom.specular = 0.15, 0.0
         self._scene.ngeom += 1
         return geom
 
@@ -168,4 +169,3 @@ class Stage:
         middle = np.array([view.left + 0.5 * view.width, view.top + 0.5 * view.height])
         eye = 0.5 * (np.array(left.pos) + np.array(right.pos))
         return Projection(eye, axes, view.height / slope, middle)
-

@@ -159,9 +159,9 @@ def describe_phases(plan: Plan, action: Action) -> tuple[str, ...]:
                 rolling = speak_fingers(plan.fingers, [roll.finger for roll in action.rolls])
                 heads = [f"{head}, {rolling} rolling on it" for head in heads]
         case Roll():
-            rolling = [roll.finger for roll in action.rolls]
-            verb = "roll" if len(rolling) != 1 else "rolls"
-            heads = [f"{speak_fingers(plan.fingers, rolling)} {verb} on the object"] * len(action.phases)
+            own = speak_fingers(plan.fingers, [roll.finger for roll in action.rolls])
+            verb = "roll" if len(action.rolls) != 1 else "rolls"
+            heads = [f"{own} {verb} on the object"] * len(action.phases)
         case Hold():
             heads = [f"{holders} {'hold' if is_many else 'holds'} the object still"] * len(action.phases)
     limit = action.limiting_finger

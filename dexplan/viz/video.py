@@ -51,7 +51,7 @@ def render_video(
     ``.mp4`` is H.264 in yuv420p, ``.gif`` an animation of at most 20 pictures a second.  Words and goals come from the plan,
     without one from what the trace carries.  ``progress`` is called with the share done.
     Raises RenderError where nothing can be drawn on this machine, and for another suffix; FilmOptionError for a size that
-    cannot be encoded, UnknownNameError for an unknown camera.
+    cannot be encoded, and for an unknown camera.
     """
     target = Path(path)
     _check_suffix(target, FILMS)
@@ -181,9 +181,7 @@ def _save_values(trace: Trace, plan: Plan | None, folder: Path) -> tuple[Path, P
     return trace_path, folder / "plan.json"
 
 
-def _build_job(
-    trace: Path, plan: Path | None, options: FilmOptions, **output: object
-) -> dict[str, Any]:
+def _build_job(trace: Path, plan: Path | None, options: FilmOptions, **output: object) -> dict[str, Any]:
     """Return what ``render_process`` has to do; ``output`` is either ``stills`` or a ``film``."""
     return {
         "trace": str(trace.absolute()),
@@ -250,7 +248,8 @@ def _attempt(job: Mapping[str, Any], backend: str, progress: Progress | None) ->
         if "no_renderer" in said:
             return str(said["no_renderer"]["fact"])
         if "refused" in said:
-            raise RenderError(said["refused"]["message"])
+            kind = RenderError if said["refused"]["kind"] == RenderError.__name__ else FilmOptionError
+            raise kind(said["refused"]["message"])
         complaints.seek(0)
         complaint = complaints.read().decode(errors="replace").strip()
     if "ready" not in said and code < 0:
