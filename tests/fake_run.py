@@ -72,5 +72,7 @@ def make_pipeline() -> SimpleNamespace:
         inspect=lambda problem, folder: "the numbers",
         save_run=save_run,
         load_run=lambda folder: ("problem", "plan", "trace"),
-        render_run=lambda folder: (folder / "video.mp4").write_bytes(FILM),
+        render_run=lambda folder, path=None, options=None, progress=None: (
+            path or folder / "video.mp4"
+        ).write_bytes(FILM),
     )

@@ -169,7 +169,7 @@ def test_run_saves_everything_and_ends_with_the_verdict(
 def test_a_machine_that_cannot_render_says_so_in_one_line(
     pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    def refuse(folder: Path) -> None:
+    def refuse(folder: Path, *given: object) -> None:
         raise RenderError("no offscreen renderer; install libegl1 libgl1")
 
     pipeline.render_run = refuse

@@ -7,6 +7,7 @@ nor can be changed by them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -19,6 +20,8 @@ from dexplan.viz.skins import build_cube_directions, paint_object, paint_tip
 OBJECT_TEXELS, TIP_TEXELS = 256, 128
 GHOST = 0.16
 """Opacity of the whole sphere with which a tip collides; of the tip itself only the front half is solid."""
+GHOST_SHARE = 0.98
+"""Of the radius is drawn, so that a ghost does not shade the faces of the tip inside it."""
 FLOOR = (0.74, 0.76, 0.79, 1.0)
 FLOOR_SIZE = (3.0, 3.0, 0.05)
 """A plain floor [m]: a pattern on it takes a software renderer as long as all the rest."""
@@ -42,12 +45,15 @@ PARTS = (
     Part("palm_seen", "", (0.0, 0.0, -0.187), (0.18, 0.0, -0.187), 0.013, "housing"),
     Part("hub_seen", "", (0.18, 0.0, -0.20), (0.18, 0.0, -0.172), 0.036, "housing", CYLINDER),
     Part("shoulder_seen", "", (0.0, 0.0, -0.022), (0.0, 0.0, 0.0), 0.010, "link", CYLINDER),
-    Part("elbow_seen", "link_4", (0.0, 0.0, 0.0), (0.020, 0.026, 0.0), 0.0045),
-    Part("bend_seen", "link_4", (0.090, 0.030, 0.0), (0.095, 0.026, 0.0), 0.0045),
-    Part("fork_seen", "link_4", (0.095, 0.026, 0.0), (0.095, 0.0, 0.0), 0.004),
-    Part("stem_seen", "link_6", (0.0, 0.0, 0.0), (0.042, 0.0, 0.0), 0.005),
+    Part("elbow_seen", "link_4", (0.0, 0.0, 0.0), (0.020, 0.026, 0.0), 0.0047),
+    Part("bend_seen", "link_4", (0.090, 0.030, 0.0), (0.095, 0.026, 0.0), 0.0047),
+    Part("fork_seen", "link_4", (0.095, 0.026, 0.0), (0.095, 0.0, 0.0), 0.0042),
+    Part("stem_seen", "link_6", (0.0, 0.0, 0.0), (0.042, 0.0, 0.0), 0.0051),
 )
-"""Each finger reaches the middle of the hand with its third of the palm."""
+"""Each finger reaches the middle of the hand with its third of the palm.  What lies along a collision geom is a little thicker,
+for surfaces in one place flicker."""
+ONCE = frozenset({"hub_seen"})
+"""Parts of which one finger has enough for all."""
 
 
 def dress_model(xml: str, fingers: tuple[str, ...]) -> mujoco.MjModel:
@@ -57,8 +63,9 @@ def dress_model(xml: str, fingers: tuple[str, ...]) -> mujoco.MjModel:
     model does not have stay away.
     """
     spec = mujoco.MjSpec.from_string(xml)
-    for finger in fingers:
-        _add_parts(spec, finger)
+    for k, finger in enumerate(fingers):
+        _add_ghost(spec, finger, as_rgb(get_finger_color(k)))
+        _add_parts(spec, finger, [part for part in PARTS if k == 0 or part.name not in ONCE])
     skins = [_add_skin(spec, finger) for finger in fingers]
     pattern = spec.texture("object/turning")
     if pattern is not None:
@@ -71,18 +78,14 @@ def dress_model(xml: str, fingers: tuple[str, ...]) -> mujoco.MjModel:
     if pattern is not None:
         _paint(model, "object/turning", paint_object(directions))
     for k, (finger, skin) in enumerate(zip(fingers, skins, strict=True)):
-        color = as_rgb(get_finger_color(k))
         if skin:
-            _paint(model, skin, paint_tip(_find_tip_normals(model, finger), color))
-        ghost = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{finger}/tip")
-        if ghost >= 0:
-            model.geom_matid[ghost] = -1
-            model.geom_rgba[ghost] = [*color, GHOST]
+            colors = paint_tip(_find_tip_normals(model, finger), as_rgb(get_finger_color(k)))
+            _paint(model, skin, colors)
     return model
 
 
-def _add_parts(spec: mujoco.MjSpec, finger: str) -> None:
-    for part in PARTS:
+def _add_parts(spec: mujoco.MjSpec, finger: str, parts: Sequence[Part]) -> None:
+    for part in parts:
         body = spec.body(f"{finger}/{part.body}")
         if body is None:
             continue
@@ -90,10 +93,27 @@ def _add_parts(spec: mujoco.MjSpec, finger: str) -> None:
         geom.name, geom.type = f"{finger}/{part.name}", part.shape
         geom.fromto = [*part.start, *part.end]
         geom.size = [part.radius, 0.0, 0.0]
-        geom.contype = geom.conaffinity = 0
-        geom.mass, geom.group = 0.0, 1
+        _make_unreal(geom)
         if spec.material(f"{finger}/{part.material}") is not None:
             geom.material = f"{finger}/{part.material}"
+
+
+def _add_ghost(spec: mujoco.MjSpec, finger: str, color: Array) -> None:
+    """Add the whole sphere as which a tip collides, to be seen through."""
+    tip = spec.geom(f"{finger}/tip")
+    if tip is None:
+        return
+    geom = tip.parent.add_geom()
+    geom.name, geom.type = f"{finger}/ghost_seen", mujoco.mjtGeom.mjGEOM_SPHERE
+    geom.pos, geom.size = tip.pos, [GHOST_SHARE * tip.size[0], 0.0, 0.0]
+    geom.rgba = [*color, GHOST]
+    _make_unreal(geom)
+
+
+def _make_unreal(geom: mujoco.MjsGeom) -> None:
+    """Let a geom weigh nothing, touch nothing and be seen."""
+    geom.contype = geom.conaffinity = 0
+    geom.mass, geom.group = 0.0, 1
 
 
 def _add_skin(spec: mujoco.MjSpec, finger: str) -> str:

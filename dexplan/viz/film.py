@@ -55,7 +55,8 @@ class FilmOptions:
 
     ``size`` is width and height [pixels]; ``cameras`` are one or two, side by side: cameras of the model (``overview``, ``top``,
     ``side``) or ``closeup``; ``fps`` are pictures per second; ``quality`` is one of ``draft``, ``normal``, ``fine``; ``is_told``
-    is whether captions, gait strip, gauges and legends are drawn around the views.
+    is whether captions, gait strip, gauges and legends are drawn around the views; ``speed`` is how many times as fast as the
+    run the film is.
 
     Raises FilmOptionError or UnknownNameError for what no film can be made of.
     """
@@ -65,6 +66,7 @@ class FilmOptions:
     fps: float = FPS
     quality: str = "normal"
     is_told: bool = True
+    speed: float = 1.0
 
     def __post_init__(self) -> None:
         if not all(LEAST_SIDE <= side <= LARGEST_SIDE for side in self.size):
@@ -76,6 +78,8 @@ class FilmOptions:
             raise FilmOptionError(f"{len(self.cameras)} cameras: one, or two side by side, are accepted")
         if not 1.0 <= self.fps <= MOST_FPS:
             raise FilmOptionError(f"{self.fps:g} pictures per second: 1 to {MOST_FPS:g} of them are accepted")
+        if not 0.01 <= self.speed <= 100.0:
+            raise FilmOptionError(f"{self.speed:g} times as fast: 0.01 to 100 times are accepted")
         if self.quality not in QUALITIES:
             raise UnknownNameError("quality", self.quality, QUALITIES)
 
@@ -90,10 +94,10 @@ def parse_size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def count_pictures(trace: Trace, fps: float) -> int:
-    """Return of how many pictures a film of ``trace`` at the speed of the run is."""
+def count_pictures(trace: Trace, options: FilmOptions) -> int:
+    """Return of how many pictures a film of ``trace`` is."""
     time = trace["time"]
-    return max(1, round(float(time[-1] - time[0]) * fps)) if len(time) else 1
+    return max(1, round(float(time[-1] - time[0]) * options.fps / options.speed)) if len(time) else 1
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ LEAST_FOOTED = 340
 """A picture with fewer lines has no room for gait strip and gauges."""
 STRIP_SHARE = 0.64
 """Of the footer's width is the gait strip's."""
+LEAST_LEGEND = 0.7
+"""At a smaller scale a legend would hide what it explains."""
 GAP = 2
 
 

@@ -14,7 +14,7 @@ from dexplan.viz import marks, panels
 from dexplan.viz.dress import dress_model
 from dexplan.viz.facts import compute_facts
 from dexplan.viz.film import QUALITIES, FilmOptions
-from dexplan.viz.layout import Box, lay_out
+from dexplan.viz.layout import LEAST_LEGEND, Box, lay_out
 from dexplan.viz.sketch import Sketch
 from dexplan.viz.stage import Projection, Stage, View
 from dexplan.viz.story import Story, tell_story
@@ -104,7 +104,7 @@ class Painter:
             panels.draw_header(sketch, layout.header, layout.scale, *words)
             self._said, self._header = words, sketch.pixels[: layout.header.height].copy()
         sketch.pixels[: layout.header.height] = self._header
-        panels.draw_clock(sketch, layout.header, layout.scale, f"{now:.1f} s of {times[-1]:.0f} s")
+        panels.draw_clock(sketch, layout.header, layout.scale, self._describe_time(now))
         if layout.strip.height and self._has_contacts:
             sketch.pixels[layout.strip.top :] = self._footer
             length = max(float(times[-1] - times[0]), 1e-9)
@@ -118,7 +118,8 @@ class Painter:
             turned = float(facts.turned[sample])
             panels.draw_dial(sketch, as_box(last), layout.scale, turned, float(story.turn or 0.0))
         panels.draw_note(sketch, as_box(first), layout.scale, self._note_progress(sample))
-        panels.draw_legend(sketch, as_box(first), layout.scale, self._legend)
+        if layout.scale >= LEAST_LEGEND:
+            panels.draw_legend(sketch, as_box(first), layout.scale, self._legend)
 
     @property
     def _legend(self) -> tuple[tuple[str, str], ...]:
@@ -138,6 +139,11 @@ class Painter:
             reached, total = int(facts.is_at_goal[sample].sum()), len(story.goal_points)
             lines.append(f"goal contacts: {reached} of {total} fingers are there")
         return lines
+
+    def _describe_time(self, now: float) -> str:
+        speed = self._options.speed
+        text = f"{now:.1f} s of {self._trace['time'][-1]:.0f} s"
+        return text if speed == 1.0 else f"{text}, {speed:g} x"
 
     def _find_action(self, sample: int) -> int:
         return int(self._trace["action_index"][sample]) if "action_index" in self._trace else -1

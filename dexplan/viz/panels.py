@@ -19,7 +19,7 @@ BIG, SMALL, TINY = 23.0, 15.5, 12.5
 """Sizes of texts in a picture of 1280 x 720 [pixels]."""
 LEAST_TEXT = 9.0
 LEAD = "#F2C14E"
-CLOCK_ROOM = "999.9 s of 999 s"
+CLOCK_ROOM = "99.9 s of 999 s, 2 x"
 """No time takes more room."""
 SLIDES = 1.0
 """The share of friction at which a contact slides; gauges end a little behind it."""

@@ -75,10 +75,10 @@ def _work(job: Mapping[str, Any], options: FilmOptions) -> None:
 
 
 def _draw_film(painter: Painter, trace: Trace, options: FilmOptions) -> Iterator[NDArray[Any]]:
-    """Yield the pictures of the run in real time."""
-    start, count = float(trace["time"][0]), count_pictures(trace, options.fps)
+    """Yield the pictures of the run, in order."""
+    start, count = float(trace["time"][0]), count_pictures(trace, options)
     for k in range(count):
-        yield painter.draw(start + k / options.fps)
+        yield painter.draw(start + k * options.speed / options.fps)
         _say(event="progress", share=(k + 1) / count)
 
 

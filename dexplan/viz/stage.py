@@ -15,8 +15,6 @@ from dexplan.spatial import Array, make_pose
 from dexplan.viz.film import CLOSE_UP, Quality
 from dexplan.viz.palette import as_rgb
 
-GHOSTS = 3
-"""The group of geoms that a viewer hides: whole tips, as they collide."""
 SIGHT = 2.3
 """The close-up shows so many radii of the object above and below its centre."""
 CLOSE_FOV = 45.0
@@ -76,7 +74,6 @@ class Stage:
         self._object = int(model.jnt_bodyid[model.joint("object/free/").id])
         self.object_radius = float(model.geom_rbound[model.geom("object/surface").id])
         self._option = mujoco.MjvOption()
-        self._option.geomgroup[GHOSTS] = 1
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + MOST_MARKS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow > 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False

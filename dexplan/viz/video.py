@@ -46,7 +46,7 @@ def render_video(
     *,
     progress: Progress | None = None,
 ) -> Film:
-    """Write the film of ``trace`` at the speed of the run, whole or not at all; return it.
+    """Write the film of ``trace``, whole or not at all; return it.
 
     ``.mp4`` is H.264 in yuv420p, ``.gif`` an animation of at most 20 pictures a second.  Words and goals come from the plan,
     without one from what the trace carries.  ``progress`` is called with the share done.
@@ -158,7 +158,7 @@ def _film(
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)
-    return Film(target, options.size, count_pictures(trace, options.fps) / options.fps, options.fps)
+    return Film(target, options.size, count_pictures(trace, options) / options.fps, options.fps)
 
 
 def _check_suffix(path: Path, accepted: tuple[str, ...]) -> None:
