@@ -22,6 +22,8 @@ CLOSE_FOV = 45.0
 CLOSE_ELEVATION, CLOSE_AZIMUTH = -58.0, 120.0
 """From where the close-up looks [deg]: between the first finger and the last, like ``overview``, and steeper."""
 MOST_MARKS = 1200
+GLOW = 0.15
+"""Light that marks give off themselves, so that they keep their colours on the dark side of things."""
 SKYLINES = frozenset({"side"})
 """Cameras that see beyond the floor: the sky takes a quarter of a picture's time, and others do not see it."""
 
@@ -78,6 +80,8 @@ class Stage:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow > 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = False
+        # Where there are shadows, each light is drawn on its own, and what glows would glow more than once.
+        self._glow = 0.0 if quality.shadow else GLOW
         self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._rect = mujoco.MjrRect(0, 0, size[0], self._bottom - self._top)
@@ -141,8 +145,7 @@ class Stage:
         geom = self._scene.geoms[self._scene.ngeom]
         rgba = np.array([*as_rgb(color), opacity], dtype=np.float32)
         mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
-        # Marks keep their colour whatever the lights do.
-        geom.emission, geom.specular = 0.15, 0.0
+        geom.emission, geom.specular = self._glow, 0.0
         self._scene.ngeom += 1
         return geom
 
