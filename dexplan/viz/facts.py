@@ -29,7 +29,7 @@ _COLUMNS = ("contact_active", "contact_point_O", "contact_rotation_O", "contact_
 @dataclass(frozen=True, eq=False)
 class Episode:
     """One touch of a finger, from ``start`` to ``end`` [s]: contact points (N, 3) [m] at ``times`` (N,), in object axes, and in
-    the axes of the body that the tip belongs to.
+    the axes of the body that the tip belongs to; ``normal_O`` (3,) is the object's outward normal at the first of them.
     """
 
     finger: int
@@ -38,6 +38,7 @@ class Episode:
     times: Array
     point_O: Array
     point_B: Array
+    normal_O: Array
 
     __repr__ = brief_repr
 
@@ -169,5 +170,6 @@ def _find_episodes(
                 p_W = data.xmat[thing].reshape(3, 3) @ point_O[k] + data.xpos[thing]
                 point_B[k] = data.xmat[body].reshape(3, 3).T @ (p_W - data.xpos[body])
             end = float(time[min(b, len(time) - 1)])
-            found.append(Episode(finger, float(time[a]), end, time[samples], point_O, point_B))
+            normal_O = -trace["contact_rotation_O"][a, finger, :, 2]
+            found.append(Episode(finger, float(time[a]), end, time[samples], point_O, point_B, normal_O))
     return tuple(sorted(found, key=lambda e: (e.start, e.finger)))

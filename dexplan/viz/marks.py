@@ -95,13 +95,12 @@ def add_targets(stage: Stage, facts: Facts, active: NDArray[np.bool_], time: flo
         coming = next((e for e in facts.episodes if e.finger == finger and e.start > time), None)
         if coming is None:
             continue
-        n = coming.point_O[0] / np.linalg.norm(coming.point_O[0])
+        n = coming.normal_O
         u = np.cross(n, [0.0, 0.0, 1.0] if abs(n[2]) < 0.9 else [1.0, 0.0, 0.0])
         u /= np.linalg.norm(u)
         v = np.cross(n, u)
         ring = np.outer(np.cos(RING), u) + np.outer(np.sin(RING), v)
-        points = stage.object_radius * n + TARGET_RADIUS * ring
-        points *= (stage.object_radius + RAISED) / np.linalg.norm(points, axis=1, keepdims=True)
+        points = coming.point_O[0] + RAISED * n + TARGET_RADIUS * ring
         stage.add_line(points @ X_WO[:3, :3].T + X_WO[:3, 3], TRAIL_WIDTH, get_finger_color(finger))
 
 

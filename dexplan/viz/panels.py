@@ -41,8 +41,8 @@ def draw_header(sketch: Sketch, box: Box, scale: float, count: str, headline: st
     sketch.draw_text(x, first, line, size, "white", is_bold=True)
     if _has_two_lines(box, scale) and why:
         room = box.width - 2.0 * margin
-        size = _shrink(f"why: {why}", small, room, False)
-        line = sketch.fold_text(f"why: {why}", size, room)[0]
+        size = _shrink(why, small, room, False)
+        line = sketch.fold_text(why, size, room)[0]
         sketch.draw_text(box.left + margin, box.top + 0.76 * box.height, line, size, PALE)
 
 
@@ -178,7 +178,7 @@ def draw_gauges(
         y = inner.top + (k + 0.5) * tall
         x = inner.left + inner.width + 0.6 * small
         if not np.isfinite(share):
-            sketch.draw_text(x, y, "moves freely" if k in movers else "free", small, QUIET)
+            sketch.draw_text(x, y, "is moving" if k in movers else "free", small, QUIET)
             continue
         width = inner.width * min(float(share), GAUGE_END) / GAUGE_END
         sketch.draw_box(inner.left, y - 0.24 * tall, width, 0.48 * tall, get_share_color(float(share)))

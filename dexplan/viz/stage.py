@@ -19,8 +19,8 @@ SIGHT = 2.3
 """The close-up shows so many radii of the object above and below its centre."""
 CLOSE_FOV = 45.0
 """Of a free camera, MuJoCo's default [deg]."""
-CLOSE_ELEVATION, CLOSE_AZIMUTH = -58.0, 120.0
-"""From where the close-up looks [deg]: between the first finger and the last, like ``overview``, and steeper."""
+CLOSE_ELEVATION, CLOSE_AZIMUTH = -58.0, -60.0
+"""From where the close-up looks [deg]: like ``overview``, from between two fingers near this azimuth, and steeper."""
 MOST_MARKS = 1200
 GLOW = 0.15
 """Light that marks give off themselves, so that they keep their colours on the dark side of things."""
@@ -75,6 +75,7 @@ class Stage:
         self._data = mujoco.MjData(model)
         self._object = int(model.jnt_bodyid[model.joint("object/free/").id])
         self.object_radius = float(model.geom_rbound[model.geom("object/surface").id])
+        self._stand = choose_azimuth(model, self._object)
         self._option = mujoco.MjvOption()
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + MOST_MARKS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow > 0
@@ -158,7 +159,8 @@ class Stage:
         camera.lookat[:] = self._data.xpos[self._object]
         reach = SIGHT * self.object_radius * max(1.0, view.height / view.width)
         camera.distance = reach / np.tan(0.5 * np.radians(CLOSE_FOV))
-        camera.azimuth, camera.elevation = CLOSE_AZIMUTH, CLOSE_ELEVATION
+        # MuJoCo names the direction in which a camera looks, not where it stands.
+        camera.azimuth, camera.elevation = self._stand - 180.0, CLOSE_ELEVATION
         return camera
 
     def _find_projection(self, view: View) -> Projection:
@@ -169,3 +171,16 @@ class Stage:
         middle = np.array([view.left + 0.5 * view.width, view.top + 0.5 * view.height])
         eye = 0.5 * (np.array(left.pos) + np.array(right.pos))
         return Projection(eye, axes, view.height / slope, middle)
+
+
+def choose_azimuth(model: mujoco.MjModel, thing: int) -> float:
+    """Return the azimuth [deg] from which the body ``thing`` is seen between two fingers, of all the nearest to the usual."""
+    bases = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0 and b != thing]
+    arms = model.body_pos[bases, :2] - model.body_pos[thing, :2]
+    stands = np.unique(np.degrees(np.arctan2(arms[:, 1], arms[:, 0])).round(3))
+    if len(stands) == 0:
+        return CLOSE_AZIMUTH
+    gaps = np.diff(stands, append=stands[0] + 360.0)
+    middles = (stands + 0.5 * gaps)[gaps > gaps.max() - 20.0]
+    off = np.abs((middles - CLOSE_AZIMUTH + 180.0) % 360.0 - 180.0)
+    return float(middles[np.argmin(off)])

@@ -85,7 +85,7 @@ def build_captions(plan: Plan) -> dict[str, Any]:
     points = [None if c is None else c.point_O.tolist() for c in plan.goal_contacts or ()]
     return {
         "actions": [list(describe_phases(plan, action)) for action in plan.actions],
-        "why": [speak(action.why, plan.fingers) for action in plan.actions],
+        "why": [explain(plan, action) for action in plan.actions],
         "movers": [list(find_movers(action)) for action in plan.actions],
         "limiting": [action.limiting_finger for action in plan.actions],
         "axis_W": choose_axis(plan).tolist(),
@@ -169,6 +169,12 @@ def describe_phases(plan: Plan, action: Action) -> tuple[str, ...]:
         near = f"{speak(plan.fingers[limit])} {'comes' if isinstance(action, MoveObject) else 'is'} near its limit"
         heads = [f"{head} · {near}" for head in heads]
     return tuple(heads)
+
+
+def explain(plan: Plan, action: Action) -> str:
+    """Return the reason of an action; of a motion of the object it says how far it goes, and follows its headline as it is."""
+    reason = speak(action.why, plan.fingers)
+    return reason if isinstance(action, MoveObject) else f"why: {reason}"
 
 
 def describe_motion(motion: ObjectMotion, is_many: bool) -> str:

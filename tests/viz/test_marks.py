@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from matplotlib.image import imread
@@ -22,7 +23,7 @@ from dexplan.viz.film import FilmOptions
 from dexplan.viz.frames import draw_frames
 from dexplan.viz.palette import as_rgb, get_finger_color, get_share_color
 from dexplan.viz.sketch import Sketch
-from dexplan.viz.stage import Projection
+from dexplan.viz.stage import Projection, choose_azimuth
 from dexplan.viz.story import tell_story
 from dexplan.viz.video import render_frame
 
@@ -169,3 +170,12 @@ def test_a_row_that_stops_early_says_how_much_there_is_more(tmp_path: Path) -> N
     ink = [(corner < 0.5).any(axis=2).sum() for corner in corners]
     assert ink[0] > 15
     assert ink[1] == 0
+
+
+def test_the_close_up_stands_between_two_fingers() -> None:
+    model = mujoco.MjModel.from_xml_string(make_trace().model_xml)
+    thing = model.body("object/").id
+    assert choose_azimuth(model, thing) % 360.0 == pytest.approx(300.0, abs=0.01)
+    third = model.body("finger_3/")
+    model.body_pos[third.id, :2] = [0.0, -0.18]
+    assert choose_azimuth(model, thing) % 360.0 == pytest.approx(195.0, abs=0.01)

@@ -37,6 +37,7 @@ def test_a_headline_says_which_finger_moves_and_which_is_near_its_limit() -> Non
     assert story.chapters[PLACE].get_headline(9) == story.chapters[PLACE].headlines[-1]
     assert [c.movers for c in story.chapters] == [(), (), (2,), (0,)]
     assert story.chapters[MOVE].why == "made by hand"
+    assert story.chapters[PLACE].why == "why: made by hand"
 
 
 def test_the_goal_of_the_story_is_the_plans() -> None:
