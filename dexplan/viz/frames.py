@@ -26,10 +26,10 @@ from dexplan.viz.video import render_frames
 
 CAMERA = "top"
 """The paper looks down on the ball."""
-FRAME_SIZE = (480, 480)
+FRAME_SIZE = (720, 720)
 COLUMNS = 6
 MOST_FRAMES = 12
-CROP = 0.66
+CROP = 0.5
 """Share of the picture, around its middle, that is shown: the ball and the fingertips."""
 
 

@@ -22,8 +22,9 @@ CLOSE_FOV = 45.0
 CLOSE_ELEVATION, CLOSE_AZIMUTH = -58.0, -60.0
 """From where the close-up looks [deg]: like ``overview``, from between two fingers near this azimuth, and steeper."""
 MOST_MARKS = 1200
-GLOW = 0.15
-"""Light that marks give off themselves, so that they keep their colours on the dark side of things."""
+GLOW, DIM = 0.15, 0.6
+"""Light that marks give off themselves, so that they keep their colours on the dark side of things; share of a line's colour that
+looks like all of it where there are shadows."""
 SKYLINES = frozenset({"side"})
 """Cameras that see beyond the floor: the sky takes a quarter of a picture's time, and others do not see it."""
 
@@ -81,8 +82,9 @@ class Stage:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow > 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = False
-        # Where there are shadows, each light is drawn on its own, and what glows would glow more than once.
-        self._glow = 0.0 if quality.shadow else GLOW
+        # Where there are shadows, each light is drawn on its own: what glows would glow more than once, and lines, which face no
+        # light, would get all of each.
+        self._glow, self._dim = (0.0, DIM) if quality.shadow else (GLOW, 1.0)
         self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._rect = mujoco.MjrRect(0, 0, size[0], self._bottom - self._top)
@@ -144,7 +146,8 @@ class Stage:
         if self._scene.ngeom >= self._scene.maxgeom:
             return None
         geom = self._scene.geoms[self._scene.ngeom]
-        rgba = np.array([*as_rgb(color), opacity], dtype=np.float32)
+        dim = self._dim if kind == mujoco.mjtGeom.mjGEOM_LINE else 1.0
+        rgba = np.array([*(dim * as_rgb(color)), opacity], dtype=np.float32)
         mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
         geom.emission, geom.specular = self._glow, 0.0
         self._scene.ngeom += 1
