@@ -15,6 +15,7 @@ from dexplan.builders import (  # noqa: F401 - callers find them all here
     build_hand,
     build_improvement,
     build_limits,
+    build_margin_limits,
     build_options,
     build_scene,
     build_squeeze,
@@ -173,11 +174,11 @@ def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
     render_video(trace, plan, Path(path))
 
 
-def render_run(folder: str | Path) -> None:
-    """Film a saved run: writes ``video.mp4`` into its folder."""
+def render_run(folder: str | Path, *, progress: Callable[[float], None] | None = None) -> None:
+    """Film a saved run: writes ``video.mp4`` into its folder; ``progress`` is called with the share done."""
     from dexplan.viz.video import render_run as film
 
-    film(Path(folder))
+    film(Path(folder), progress=progress)
 
 
 def save_run(

@@ -22,6 +22,7 @@ from dexplan.plans.contacts import Contacts, GoalContact
 from dexplan.plans.file import FORMAT, PlanReader, PlanWriter, read_touchdown, write_touchdown
 from dexplan.plans.forces import NormalForces
 from dexplan.plans.format1 import OLD_FORMAT, upgrade
+from dexplan.plans.margins import MarginLimits, spell_margins
 from dexplan.plans.poses import read_pose, write_pose
 from dexplan.plans.refusal import Refusal
 from dexplan.plans.speed import PlannedSpeed
@@ -182,9 +183,14 @@ class Plan:
             else reader.read_goal_contacts(goal["contacts"]),
         )
 
-    def explain(self) -> str:
-        """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
-        lines = [f"status: {self.status}" + (f" ({self.reason})" if self.reason else "")]
+    def explain(self, limits: MarginLimits | None = None) -> str:
+        """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left to spare.
+
+        ``limits`` are what the problem asks to be left; with them margins are told beside their limits, the tightest marked.
+        """
+        lines = [f"status: {self.status}, {self.status.meaning}"]
+        if self.reason:
+            lines.append(f"reason: {self.reason}")
         if self.goal_contacts is not None:
             lines.append(describe_goal_contacts(self.fingers, self.goal_contacts))
         if self.speed is not None:
@@ -193,7 +199,6 @@ class Plan:
         for k, action in enumerate(self.actions):
             lines.append(f"{k + 1:3d}. {explain_action(self.fingers, action, before)}")
             if action.margins:
-                margins = ", ".join(f"{key} {value:.3g}" for key, value in action.margins.items())
-                lines.append(f"     margins: {margins}")
+                lines.append(f"     at the worst instant: {spell_margins(action.margins, limits)}")
             before = action.contacts_end
         return "\n".join(lines)

@@ -15,4 +15,15 @@
 (0.6, 0.06)
 """
 
-__all__ = ["as_run", "derived", "override", "problem", "read", "rules"]
+__all__ = [
+    "as_run",
+    "derived",
+    "meanings",
+    "override",
+    "problem",
+    "read",
+    "rules",
+    "schema",
+    "template",
+    "words",
+]

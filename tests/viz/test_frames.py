@@ -9,7 +9,9 @@ import pytest
 from matplotlib.image import imread
 from turning_run import make_plan, make_trace
 
+from dexplan.cli import main
 from dexplan.errors import RunFolderError
+from dexplan.run_folder import is_ours
 from dexplan.viz.frames import choose_frames, describe_step, draw_frames, draw_run_frames
 
 
@@ -56,3 +58,55 @@ def test_a_run_folder_gets_its_picture(tmp_path: Path) -> None:
 def test_no_run_folder(tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match="there is no such file"):
         draw_run_frames(tmp_path)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A folder with what pictures are made of."""
+    make_trace().save(tmp_path / "run/trace.npz")
+    make_plan().save(tmp_path / "run/plan.json")
+    return tmp_path / "run"
+
+
+def test_pictures_of_a_run_stand_in_its_folder(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["frames", str(run)]) == 0
+    names = [f"frame_{k:03d}.png" for k in range(1, 5)]
+    assert capsys.readouterr().out.splitlines() == [str(run / "frames" / name) for name in names]
+    assert sorted(p.name for p in (run / "frames").iterdir()) == names
+    assert all(is_ours(run / "frames" / name) for name in names)
+    # Fewer make room for themselves; what is not ours stays.
+    (run / "frames/notes.txt").write_text("mine")
+    assert main(["frames", str(run), "--every", "10", "--camera", "top", "-q"]) == 0
+    assert capsys.readouterr().out == f"{run / 'frames' / names[0]}\n"
+    assert sorted(p.name for p in (run / "frames").iterdir()) == [names[0], "notes.txt"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--camera", "nosuch"], "unknown camera 'nosuch'; known: "),
+        (["--every", "1e-9"], "1000 pictures would be drawn; at most 999 are; take more time between them"),
+    ],
+)
+def test_pictures_that_cannot_be_drawn(
+    run: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    assert main(["frames", str(run), *options]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert message in err
+    assert err.count("\n") == 1
+    assert not [path for path in run.rglob("*") if path.suffix not in (".npz", ".json", "")]
+
+
+def test_a_picture_of_the_users_own_is_not_replaced(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (run / "frames").mkdir()
+    (run / "frames/frame_002.png").write_bytes(b"mine")
+    assert main(["frames", str(run)]) == 2
+    assert "frame_002.png: is there and was made by no run" in capsys.readouterr().err
+    assert [p.read_bytes() for p in (run / "frames").iterdir()] == [b"mine"]
+
+
+def test_figures_of_run_folders(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["figures", str(run), "--most", "2"]) == 0
+    assert capsys.readouterr().out == f"{run / 'frames.png'}\n"
