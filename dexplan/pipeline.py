@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,11 +39,12 @@ from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
-from dexplan.run_folder import save_problem, write_whole
+from dexplan.run_folder import RUN_FILES, check_replaceable, save_problem, write_whole
 from dexplan.scene.scene import Scene
 from dexplan.sim.judge.validate import ValidationReport, validate_run
 from dexplan.sim.judge.world import read_world
 from dexplan.sim.record import rollout as _rollout
+from dexplan.sim.record.keyframes import name_states
 from dexplan.sim.trace import Trace, check_replayable
 from dexplan.spatial import Array, as_pose
 from dexplan.viz.timeline import build_captions
@@ -135,11 +137,12 @@ def rollout(
         )
     scene = build_scene(problem)
     reference = build_reference(plan)
-    return _rollout.rollout(
+    world = true_scene or scene
+    trace = _rollout.rollout(
         scene,
         reference,
         options or build_options(problem),
-        world=true_scene or scene,
+        world=world,
         X_WO_start=X_WO_start,
         meta={
             "problem": problem.name,
@@ -149,6 +152,7 @@ def rollout(
         },
         progress=progress,
     )
+    return name_states(trace, plan, world)
 
 
 def validate(
@@ -182,17 +186,29 @@ def render_run(folder: str | Path, *, progress: Callable[[float], None] | None =
 
 
 def save_run(
-    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
-) -> None:
-    """Write the run folder: problem, plan, model, trace, report and the summary figure."""
+    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport | None = None
+) -> Path:
+    """Write the run folder: problem, plan, model, trace, and with a report this and the summary figure.  Returns the folder.
+
+    What an older run left there is replaced.  Raises RunFolderError, before anything is written, where a file in the way was made
+    by no run.
+    """
     folder = Path(folder)
+    for name in RUN_FILES:
+        check_replaceable(folder / name)
     folder.mkdir(parents=True, exist_ok=True)
     save_problem(problem, folder / "problem.toml")
     plan.save(folder / "plan.json")
     write_whole(folder / "model.xml", trace.model_xml)
     trace.save(folder / "trace.npz")
+    if report is None:
+        # A report and a figure of an older run would speak of this one.
+        for name in ("report.json", "summary.png"):
+            (folder / name).unlink(missing_ok=True)
+        return folder
     report.save(folder / "report.json")
     draw_run(folder, problem, plan, trace, report)
+    return folder
 
 
 def draw_run(
@@ -204,7 +220,15 @@ def draw_run(
     draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
 
 
-def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
+class SavedRun(NamedTuple):
+    """What a run folder holds; ``validate(*run)`` judges it again."""
+
+    problem: Problem
+    plan: Plan
+    trace: Trace
+
+
+def load_run(folder: str | Path) -> SavedRun:
     """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else.
 
     What the files say against each other goes with the trace, for the judge: a folder that cannot be read is refused, a
@@ -222,7 +246,7 @@ def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
     if model_xml != trace.model_xml:
         read_world(model_xml)
         found.append("model.xml and the model in trace.npz are not the same text")
-    return problem, plan, replace(trace, contradictions=tuple(found))
+    return SavedRun(problem, plan, replace(trace, contradictions=tuple(found)))
 
 
 def _read_model(path: Path) -> str:
@@ -238,13 +262,19 @@ def _read_model(path: Path) -> str:
     return text
 
 
-def inspect(problem: Problem, folder: str | Path) -> str:
-    """Draw what the hand can do in ``problem`` into ``folder`` and return the numbers as text."""
+def inspect(problem: Problem, folder: str | Path | None = None) -> str:
+    """Return what the hand can do in ``problem``, as text: what fingers reach, which pairs hold, how much they carry.
+
+    With a ``folder`` it is also drawn there, as ``inspect.png``.  Raises RunFolderError where such a picture is there that is not
+    ours.
+    """
     from dexplan.viz.maps import describe_reach, draw_reach
 
     scene = build_scene(problem)
     hand = build_hand(problem, scene)
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    draw_reach(hand, folder / "inspect.png")
+    if folder is not None:
+        picture = Path(folder) / "inspect.png"
+        check_replaceable(picture)
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        draw_reach(hand, picture)
     return describe_reach(hand)

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
+from dexplan.notebook import as_html_table
 from dexplan.sim.judge.checks_case import CheckResult
 from dexplan.sim.judge.groups import GROUPS
 from dexplan.sim.judge.limits import INTEGRITY
@@ -19,6 +20,8 @@ from dexplan.sim.judge.limits import INTEGRITY
 FORMAT = 1
 """The report format this package reads and writes."""
 
+HEADS = ("check", "status", "value", "limit", "unit", "at s", "note")
+"""What stands over the columns of the table."""
 HEADLINES = (
     ("turned_angle", "turn off by"),
     ("position_error_max", "position within"),
@@ -151,8 +154,16 @@ class ValidationReport:
 
     def table(self) -> str:
         """Return all checks as aligned text."""
-        heads = ("check", "status", "value", "limit", "unit", "at s", "note")
-        rows = [heads] + [
+        rows = [HEADS, *self._list_rows()]
+        widths = [max(len(row[i]) for row in rows) for i in range(len(HEADS))]
+        return "\n".join(
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        )
+
+    def _list_rows(self) -> list[tuple[str, ...]]:
+        """Return a row of text per check, under :data:`HEADS`."""
+        return [
             (
                 c.name,
                 c.status.replace("_", " "),
@@ -164,11 +175,11 @@ class ValidationReport:
             )
             for c in self.checks
         ]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(heads))]
-        return "\n".join(
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        )
+
+    def _repr_html_(self) -> str:
+        """Return the report as notebooks show it: the verdict, and a row per check, those that failed in bold."""
+        failed = [k for k, check in enumerate(self.checks) if check.status == "fail"]
+        return as_html_table(HEADS, self._list_rows(), failed, caption=self.summary_line())
 
     def save(self, path: str | Path) -> Path:
         """Write report.json, whole or not at all.  Returns the path."""
