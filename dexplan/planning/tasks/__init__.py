@@ -8,8 +8,8 @@
 ``fixed_contacts``         ``plan_fixed_contacts``: no finger leaves its contact
 =========================  ==========================================================================
 
-Callers go through :func:`dexplan.plan`, which asks the task that answers the goal's kind.  Here one is asked directly: fingers that
-do not let go turn the ball by 20 degrees.
+Callers go through :func:`dexplan.plan`, which asks the task that answers the kind of goal.  Here one is asked directly: fingers
+that do not let go turn the ball by 20 degrees.
 
 >>> import numpy as np
 >>> import dexplan as dx
