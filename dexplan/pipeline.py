@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -49,11 +50,15 @@ from dexplan.sim.trace import Trace, check_replayable
 from dexplan.spatial import Array, as_pose
 from dexplan.viz.timeline import build_captions
 
+_LOG = logging.getLogger(__name__)
+
 
 def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
-    return time_plan(problem, _find_plan(problem, scene, build_hand(problem, scene)))
+    hand = build_hand(problem, scene)
+    _LOG.info("looking for a plan")
+    return time_plan(problem, _find_plan(problem, scene, hand))
 
 
 def time_plan(problem: Problem, plan: Plan, timing: Timing | None = None) -> Plan:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -41,9 +42,9 @@ def new(path: Path) -> int:
     from dexplan.problems.template import build_template
 
     check_new_file(path, ".toml", "a new problem file, such as my_problem.toml")
-    write_new(path, build_template(path.name))
+    write_new(path, build_template(shlex.quote(path.name)))
     conclude(
-        f"{path}: a quarter turn, ready to run with `dexplan run {path}`; every other key is explained in it"
+        f"{path}: a quarter turn, every other key explained; run it with `dexplan run {shlex.quote(str(path))}`"
     )
     return CONFIRMED
 

@@ -51,8 +51,8 @@ def _is_seen() -> bool:
     return sys.stderr is not None and sys.stderr.isatty() and get_voice() > Voice.QUIET
 
 
-def draw_bar(label: str, share: float | None, seconds: float, columns: int) -> str:
-    """Return the bar as text of less than ``columns`` characters: label, bar, share (None: unknown), time [s]."""
+def draw_bar(label: str, share: float | None, seconds: float, columns: int, doing: str = "") -> str:
+    """Return the bar as text of less than ``columns`` characters: label, bar, share (None: unknown), time [s], present work."""
     if share is None:
         place = int(2.0 * seconds) % (BAR_WIDTH - WANDERER + 1)
         bar, told = "." * place + "#" * WANDERER + "." * (BAR_WIDTH - WANDERER - place), ""
@@ -63,7 +63,7 @@ def draw_bar(label: str, share: float | None, seconds: float, columns: int) -> s
     text = f"{label} [{bar}]{told} {_spell_time(seconds)}"
     if share is not None and 0.0 < share < 1.0:
         text += f", {_spell_time(seconds * (1.0 - share) / share)} to go"
-    return text[: max(columns - 1, 0)]
+    return f"{text}{f'  {doing}' if doing else ''}"[: max(columns - 1, 0)]
 
 
 def _spell_time(seconds: float) -> str:
@@ -93,7 +93,7 @@ class _Bar(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show what the work says."""
-        self._doing = f" ({record.getMessage()})"
+        self._doing = record.getMessage()
 
     def __enter__(self) -> _Bar:
         self._logger.addHandler(self)
@@ -115,9 +115,8 @@ class _Bar(logging.Handler):
             while not self._end.wait(wait):
                 wait, is_drawn = PERIOD, True
                 columns = shutil.get_terminal_size().columns
-                text = draw_bar(
-                    self._label + self._doing, self._share, time.monotonic() - self._began, columns
-                )
+                seconds = time.monotonic() - self._began
+                text = draw_bar(self._label, self._share, seconds, columns, self._doing)
                 self._stream.write(f"{CLEAR}{text}")
                 self._stream.flush()
             if is_drawn:

@@ -15,7 +15,7 @@ from dexplan.commands.asked import (
     choose_folder,
     read,
 )
-from dexplan.commands.output import Output, keep_trace
+from dexplan.commands.output import Output, keep_trace, refusing_unwritable
 from dexplan.commands.progress import show_progress, show_work
 from dexplan.commands.voice import Voice, complain, conclude, explain, get_voice, note, say
 from dexplan.errors import ProblemError, RenderError, RunFolderError
@@ -116,12 +116,10 @@ def draw_stills(folder: Path, out: Path | None, every: float | None, camera: str
         raise ProblemError(
             "--every", "", f"{every:g} is no time between pictures", "accepted: seconds, more than 0"
         )
-    if out is not None:
-        check_writable(out)
-    with show_progress("drawing") as progress:
-        paths = draw(
-            folder, folder / "frames" if out is None else out, every=every, camera=camera, progress=progress
-        )
+    place = folder / run_folder.STILLS if out is None else out
+    check_writable(place)
+    with refusing_unwritable(place), show_progress("drawing") as progress:
+        paths = draw(folder, place, every=every, camera=camera, progress=progress)
     for path in paths[:-1]:
         say(path)
     conclude(paths[-1])

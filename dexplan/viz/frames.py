@@ -146,10 +146,15 @@ def draw_stills(
     the way is not ours; RenderError where nothing can be drawn on this machine.
     """
     trace, plan = _load_run(Path(folder))
-    times = [f.time for f in _list_frames(trace, plan)] if every is None else _space_times(trace, every)
-    if len(times) > MOST_STILLS:
-        fact = f"{len(times)} pictures would be drawn"
+    start, span = float(trace["time"][0]), float(trace["time"][-1] - trace["time"][0])
+    count = len(_list_frames(trace, plan)) if every is None else int(min(span / every + 1e-9, 1e9)) + 1
+    if count > MOST_STILLS:
+        fact = f"{count} pictures would be drawn"
         raise RunFolderError(str(folder), fact, f"at most {MOST_STILLS} are; take more time between them")
+    if every is None:
+        times = [frame.time for frame in _list_frames(trace, plan)]
+    else:
+        times = [start + k * every for k in range(count)]
     target = Path(out)
     old = list_stills(target)
     for path in {*old, *(target / f"frame_{k:03d}.png" for k in range(1, len(times) + 1))}:
@@ -158,13 +163,6 @@ def draw_stills(
     for path in {*old} - {*paths}:
         path.unlink(missing_ok=True)
     return paths
-
-
-def _space_times(trace: Trace, every: float) -> list[float]:
-    """Return times ``every`` so many seconds [s] apart, from the first sample to the last; ``every`` has to be above 0."""
-    start, end = float(trace["time"][0]), float(trace["time"][-1])
-    count = int((end - start) / every + 1e-9) + 1
-    return [start + k * every for k in range(min(count, MOST_STILLS + 1))]
 
 
 def check_drawable(folder: Path) -> None:

@@ -85,7 +85,9 @@ def test_pictures_of_a_run_stand_in_its_folder(run: Path, capsys: pytest.Capture
     ("options", "message"),
     [
         (["--camera", "nosuch"], "unknown camera 'nosuch'; known: "),
-        (["--every", "1e-9"], "1000 pictures would be drawn; at most 999 are; take more time between them"),
+        (["--every", "1e-300"], "1000000001 pictures would be drawn"),
+        (["--out", "/proc/nowhere"], "--out: '/proc/nowhere' cannot be written"),
+        (["--every", "1e-4"], "01 pictures would be drawn; at most 999 are; take more time between them"),
     ],
 )
 def test_pictures_that_cannot_be_drawn(
