@@ -14,8 +14,6 @@ from rooms import ROOMS, WITH_FLOORS
 PACKAGE = Path(__file__).resolve().parents[1] / "dexplan"
 LINE_LIMIT, CLASS_LIMIT = 350, 200
 LONG_FILES = {
-    "commands.py",
-    "pipeline.py",
     "planning/gait/contacts.py",
     "planning/gait/search.py",
     "planning/regions/contactable.py",
