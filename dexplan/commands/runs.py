@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dexplan import run_folder
 from dexplan.commands.asked import CONFIRMED, HONEST_NO, check_run_folder, choose_folder, read
@@ -14,12 +15,23 @@ from dexplan.commands.progress import show_progress
 from dexplan.errors import RenderError, RunFolderError
 
 if TYPE_CHECKING:
+    from dexplan.problems.problem import Problem
     from dexplan.sim.judge.validate import ValidationReport
 
 
-def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, seed: int | None) -> int:
+@dataclass(frozen=True)
+class Given:
+    """What else a run may be given: a seed, the name of a controller, and assignments of what is true of the world."""
+
+    seed: int | None = None
+    controller: str | None = None
+    truths: Sequence[str] = ()
+
+
+def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, given: Given = Given()) -> int:
     """Plan, simulate, judge and save; the last line on stdout is the verdict."""
-    problem, source = read(name, assignments, seed)
+    problem, source = read(name, assignments, given.seed)
+    ways = _read_ways(name, assignments, problem, given)
     folder = choose_folder(problem, out)
     output = Output(run_folder.choose_run_folder(folder, source, problem, video, out is not None), problem)
     from dexplan import pipeline
@@ -35,8 +47,8 @@ def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, se
         trace = None
         try:
             with show_progress("simulating") as progress:
-                trace = pipeline.rollout(problem, planned, seed=problem.seed, progress=progress)
-            report = pipeline.validate(problem, planned, trace)
+                trace = pipeline.rollout(problem, planned, progress=progress, **ways)
+            report = pipeline.validate_as_recorded(problem, planned, trace)
         except BaseException as error:
             keep_trace(trace or getattr(error, "trace", None), folder, error)
             raise
@@ -56,7 +68,7 @@ def validate(folder: Path) -> int:
     from dexplan import pipeline
 
     problem, plan, trace = pipeline.load_run(folder)
-    report = pipeline.validate(problem, plan, trace)
+    report = pipeline.validate_as_recorded(problem, plan, trace)
     path = folder / "report.json"
     try:
         if path.exists() and not run_folder.is_ours(path):
@@ -75,6 +87,21 @@ def validate(folder: Path) -> int:
     except OSError as error:
         print(f"dexplan: report or figure are left as they were ({error.strerror})", file=sys.stderr)
     return _judge(report)
+
+
+def _read_ways(name: str, assignments: Sequence[str], problem: Problem, given: Given) -> dict[str, Any]:
+    """Return what a rollout is told beside problem and plan; refused before anything is written."""
+    ways: dict[str, Any] = {}
+    if given.truths:
+        from dexplan.problems.true_world import check_world
+
+        ways["world"], _ = read(name, [*assignments, *given.truths], given.seed)
+        check_world(problem, ways["world"])
+    if given.controller is not None:
+        from dexplan.control.named import load_controller
+
+        ways["controller"] = load_controller(given.controller)
+    return ways
 
 
 def _read_verdict(folder: Path) -> str:

@@ -21,4 +21,4 @@ A plan has all ways and times; the reference has nothing to compute but curves t
 [0.0, 0.01, 0.02]
 """
 
-__all__ = ["controller", "foreign", "observation", "options", "rate", "reference"]
+__all__ = ["controller", "foreign", "named", "observation", "options", "rate", "reference"]

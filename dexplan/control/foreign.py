@@ -34,12 +34,12 @@ SHOWN = 120
 class RunStart:
     """What a controller is told before the first tick.
 
-    ``model_xml`` is the MJCF text of the world as it is believed to be, for whoever computes with a model; the true one may have
-    another friction, mass or size.  ``tick`` [s] is the control period, ``duration`` [s] how long the plan takes.  ``fingers``
-    (F,) and ``joints`` (F * J,) are names in the order of ``observation.q`` and ``observation.q.ravel()``, ``servos`` (nu,) those of
-    the actuators in the order of ``ctrl``, which is the same.  Targets from ``lowest`` to ``highest`` (nu,) [rad] are accepted.
-    ``observation`` is the first one: time 0, everything at rest, the tips on the object as the plan has them, and as deep in it as
-    the first planned forces press them.
+    ``model_xml`` is the MJCF text of the world as it is believed to be, for whoever computes with a model; the true one may
+    have another friction, mass or size.  ``tick`` [s] is the control period, ``duration`` [s] how long the plan takes.
+    ``fingers`` (F,) and ``joints`` (F * J,) are names in the order of ``observation.q`` and ``observation.q.ravel()``,
+    ``servos`` (nu,) those of the actuators in the order of ``ctrl``, which is the same.  Targets from ``lowest`` to
+    ``highest`` (nu,) [rad] are accepted.  ``observation`` is the first one: time 0, everything at rest, the tips on the object
+    where the plan has them, and as deep in it as the first planned forces press them.
     """
 
     model_xml: str
@@ -113,8 +113,8 @@ def compute_target_limits(scene: Scene, joint_speed: float) -> tuple[Array, Arra
     """Return the least and the greatest servo target (nu,) [rad] that can mean anything.
 
     A servo gives gain x (target - q) - damping x qdot, at most its torque limit.  Within the joint's range and up to
-    ``joint_speed`` [rad/s] a target farther out asks for no more than the nearest one that is accepted; it is degrees for radians,
-    a torque taken for a target, or an integral that ran away.
+    ``joint_speed`` [rad/s] a target farther out asks for no more than the nearest one that is accepted: it is degrees for
+    radians, a torque taken for a target, or an integral that ran away.
     """
     low, high = np.empty(scene.model.nu), np.empty(scene.model.nu)
     for finger, servos in zip(scene.fingers, scene.actuators, strict=True):

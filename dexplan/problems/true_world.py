@@ -30,7 +30,9 @@ def read_recorded_world(problem: Problem, meta: Mapping[str, Any]) -> Mapping[st
     if recorded is None:
         return None
     if not isinstance(recorded, Mapping):
-        raise ProblemError("trace.npz", META, f"{recorded!r:.40} is no problem", "accepted: a problem's tables")
+        raise ProblemError(
+            "trace.npz", META, f"{recorded!r:.40} is no problem", "accepted: a problem's tables"
+        )
     _check(problem, recorded)
     return recorded
 

@@ -92,9 +92,7 @@ def _read_answers(case: Case) -> Unsolved | None:
     )
     # Numbers that are missing must not hide behind a run without quiet samples.
     unsolved = (unsolved & case.quiet) | np.isnan(status) | np.isnan(residual)
-    return Unsolved(
-        unsolved, f"largest quiet residual {np.max(share[case.quiet], initial=0.0):.2f} %"
-    )
+    return Unsolved(unsolved, f"largest quiet residual {np.max(share[case.quiet], initial=0.0):.2f} %")
 
 
 def read_ceiling(case: Case) -> float | None:

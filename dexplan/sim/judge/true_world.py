@@ -7,7 +7,7 @@ true, and what was planned for it by what was believed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from dexplan.errors import ProblemError
 
@@ -28,7 +28,7 @@ _NOTHING: Mapping[str, Any] = {}
 
 
 def join_world(problem: Mapping[str, Any], world: Mapping[str, Any] | None) -> Mapping[str, Any]:
-    """Return ``problem`` as it is true: with the parameters of ``world``, the data of a problem as well (None: all is as believed).
+    """Return ``problem`` as it is true: with the parameters of ``world``, the data of another problem (None: as believed).
 
     Raises ProblemError where ``world`` differs in what is no parameter of the world.
     """
@@ -64,7 +64,9 @@ def find_untrue(problem: Mapping[str, Any], world: Mapping[str, Any] | None) -> 
 
 def describe_untrue(untrue: Mapping[str, Mapping[str, Any]]) -> str:
     """Return what :func:`find_untrue` found in words."""
-    return ", ".join(f"{key} {_spell(x['true'])} instead of {_spell(x['believed'])}" for key, x in untrue.items())
+    return ", ".join(
+        f"{key} {_spell(x['true'])} instead of {_spell(x['believed'])}" for key, x in untrue.items()
+    )
 
 
 def find_untold(
@@ -86,8 +88,16 @@ def _list_physical() -> list[str]:
     return [*(f"{table}.{key}" for table, keys in PHYSICAL.items() for key in keys), "obstacles"]
 
 
-def _compare(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Yield (key, value in a, value in b) of whatever differs, tables key by key, names left out; None where there is none."""
+class _Difference(NamedTuple):
+    """A ``key`` with its value in one problem, and in the ``other``; None where there is none."""
+
+    key: str
+    one: Any
+    other: Any
+
+
+def _compare(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[_Difference]:
+    """Yield whatever differs, tables key by key, names left out."""
     for table in dict.fromkeys([*a, *b]):
         if table in NAMES:
             continue
@@ -95,10 +105,10 @@ def _compare(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, 
         if isinstance(one, Mapping) and isinstance(other, Mapping):
             for key in dict.fromkeys([*one, *other]):
                 if one.get(key) != other.get(key):
-                    yield f"{table}.{key}", one.get(key), other.get(key)
+                    yield _Difference(f"{table}.{key}", one.get(key), other.get(key))
         elif one != other:
-            yield table, one, other
+            yield _Difference(table, one, other)
 
 
-def _spell(value: Any) -> str:
+def _spell(value: object) -> str:
     return "nothing" if value is None else f"{value:.6g}" if isinstance(value, float) else f"{value!r:.60}"

@@ -32,8 +32,8 @@ class Recorder:
     """
 
     def __init__(self, scene: Scene, batch: Batch, has_internals: bool) -> None:
-        """``batch`` has :data:`BATCH` simulations of the scene's model with touch sensors; ``has_internals``: whether dexplan's own
-        controller is recorded, which says more than its controls.
+        """``batch`` has :data:`BATCH` simulations of the scene's model with touch sensors; ``has_internals``: whether dexplan's
+        own controller is recorded, which says more than its controls.
         """
         self._scene, self._batch, self._has_internals = scene, batch, has_internals
         self._model = scene.model

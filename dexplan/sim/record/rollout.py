@@ -57,9 +57,9 @@ def rollout(
 ) -> Trace:
     """Run ``reference`` on ``scene`` and return the trace; a run that fails returns the trace so far.
 
-    ``scene`` is what the controller believes, ``truth`` what is so.  ``controller`` takes the place of dexplan's own, from the same
-    start, at the same rate, with the same columns but for those that only dexplan's own has anything to write into; the trace's
-    ``meta["controller"]`` names it.  ``progress`` is called with the share done.
+    ``scene`` is what the controller believes, ``truth`` what is so.  ``controller`` takes the place of dexplan's own, from the
+    same start, at the same rate, with the same columns but for those that only dexplan's own has anything to write into; the
+    trace's ``meta["controller"]`` names it.  ``progress`` is called with the share done.
 
     A failure (object lost, finger that finds nothing) stands in the trace's ``meta["failure"]``.  An exception that cuts
     the run short, Ctrl-C included, goes on with the trace so far as its attribute ``trace``; ControllerError is raised for what a
