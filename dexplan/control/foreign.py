@@ -90,10 +90,10 @@ class ForeignCommand:
 
 
 def name_controller(controller: object) -> str:
-    """Return how a record names ``controller``: module and name of the function, or of the object's class."""
+    """Return how a record names ``controller``: module, but for a script's own, and name of the function or object's class."""
     named = controller if hasattr(controller, "__qualname__") else type(controller)
     module, name = getattr(named, "__module__", None), getattr(named, "__qualname__", type(named).__name__)
-    return f"{module}.{name}" if module else str(name)
+    return f"{module}.{name}" if module not in {None, "__main__"} else str(name)
 
 
 def check_controller(controller: object) -> None:
