@@ -93,9 +93,12 @@ def _read_ways(name: str, assignments: Sequence[str], problem: Problem, given: G
     """Return what a rollout is told beside problem and plan; refused before anything is written."""
     ways: dict[str, Any] = {}
     if given.truths:
+        from dexplan.problems.override import parse_assignment
+        from dexplan.problems.read import load_problem
         from dexplan.problems.true_world import check_world
 
-        ways["world"], _ = read(name, [*assignments, *given.truths], given.seed)
+        true = [parse_assignment(text, "--true") for text in given.truths]
+        ways["world"] = load_problem(name, dict([*map(parse_assignment, assignments), *true]))
         check_world(problem, ways["world"])
     if given.controller is not None:
         from dexplan.control.named import load_controller
