@@ -41,6 +41,7 @@ from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.true_world import check_world, read_recorded_world
 from dexplan.run_folder import save_problem, write_whole
 from dexplan.scene.scene import Scene
+from dexplan.sim.judge.true_world import join_world
 from dexplan.sim.judge.validate import ValidationReport, validate_run
 from dexplan.sim.judge.world import read_world
 from dexplan.sim.record import rollout as _rollout
@@ -233,10 +234,11 @@ def save_run(
 def draw_run(
     folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
 ) -> None:
-    """Draw the summary figure of a run into its folder."""
+    """Draw the summary figure of a run into its folder, with the friction that was true."""
     from dexplan.viz.figure import draw_summary
 
-    draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
+    true = join_world(problem.as_dict(), read_recorded_world(problem, trace.meta))
+    draw_summary(true, plan, trace, report, Path(folder) / "summary.png")
 
 
 def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:

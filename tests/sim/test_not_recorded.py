@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from foreign_controllers import held_trace, hold, load_example
 from short_runs import failed, report_of, trace_of
 
 from dexplan import pipeline
+from dexplan.control.foreign import RunStart
+from dexplan.control.observation import Observation
 from dexplan.errors import ProblemError
 from dexplan.sim.judge.groups import GROUPS, OWN_COLUMNS
 from dexplan.sim.judge.validate import ValidationReport
@@ -123,6 +127,29 @@ def test_controls_that_were_edited_do_not_replay() -> None:
     ctrl[30, 3] += 1e-9
     edited = Trace(trace.model_xml, {**trace.columns, "ctrl": ctrl}, trace.meta)
     assert "replay_matches" in failed(pipeline.validate(*hold(), edited))
+
+
+class ReachesBehind:
+    """Presses no more, and holds the ball up by a force that it writes into the simulation."""
+
+    def __init__(self) -> None:
+        self._loose = load_example("foreign_controller")["Hold"](0.5)
+
+    def reset(self, start: RunStart) -> None:
+        self._loose.reset(start)
+
+    def step(self, observation: Observation) -> np.ndarray:
+        frame = sys._getframe()
+        while frame is not None and not isinstance(frame.f_locals.get("data"), mujoco.MjData):
+            frame = frame.f_back  # type: ignore[assignment]
+        frame.f_locals["data"].body("object/").xfrc_applied[2] = 0.06 * 9.81
+        return self._loose.step(observation)
+
+
+def test_what_a_controller_does_behind_the_simulation_is_not_believed() -> None:
+    trace = pipeline.rollout(*hold(), controller=ReachesBehind())
+    assert trace.meta["failure"] is None
+    assert "replay_matches" in failed(pipeline.validate(*hold(), trace))
 
 
 def test_a_name_over_several_lines_stays_in_one() -> None:

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from foreign_controllers import Spy, hold, make_hold
+from matplotlib.figure import Figure
 from short_runs import failed, trace_of, with_truth
 
 from dexplan import pipeline
@@ -226,3 +227,22 @@ def test_a_recorded_world_of_bad_numbers_is_refused() -> None:
         odd = Trace(trace.model_xml, trace.columns, {**trace.meta, "world_as_run": data})
         with pytest.raises(ProblemError, match=rf"world: {table}\.{key}"):
             pipeline.validate_as_recorded(problem, plan, odd)
+
+
+def test_the_figure_shows_what_is_true_and_keeps_off_its_legend(
+    run: Trace, report: ValidationReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dexplan.viz import figure
+
+    shown: list[Any] = []
+    draw = figure.compute_curves
+    monkeypatch.setattr(figure, "compute_curves", lambda *given: shown.append(given[0]) or draw(*given))
+    long = replace(report, groups=("physics",), recorded={**report.recorded, "controller": "mine" * 30})
+    lines: list[float] = []
+    write = Figure.text
+    monkeypatch.setattr(
+        Figure, "text", lambda self, x, y, *a, **k: lines.append(y) or write(self, x, y, *a, **k)
+    )
+    pipeline.draw_run(tmp_path, *hold(), run, long)
+    assert shown[0]["friction"]["sliding"] == 0.45
+    assert min(lines) > 0.92

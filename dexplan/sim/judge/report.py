@@ -114,14 +114,13 @@ class ValidationReport:
         """
         told = []
         unrecorded = {find_group(check.name) for check in self.checks if check.status == "not_recorded"}
-        if self.recorded.get("controller"):
-            told.append(f"run by {self.recorded['controller']}")
+        words = [f"run by {self.recorded['controller']}"] if self.recorded.get("controller") else []
         if len(self.groups) < len(GROUPS):
-            words = [f"judged: {', '.join(self.groups)}"]
+            words.append(f"judged: {', '.join(self.groups)}")
             for why, names in (("recorded", unrecorded), ("judged", set(GROUPS) - unrecorded)):
                 left_out = [name for name in GROUPS if name in names and name not in self.groups]
                 words += [f"not {why}: {', '.join(left_out)}"] if left_out else []
-            told.append("; ".join(words))
+        told += ["; ".join(words)] if words else []
         if self.untrue:
             told.append(f"the world is not as believed: {describe_untrue(self.untrue)}")
         if self.loose_limits:
