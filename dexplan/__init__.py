@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from dexplan.moved import keep_old_names
 
 if TYPE_CHECKING:
+    from dexplan.control.foreign import RunStart
+    from dexplan.control.observation import Observation
     from dexplan.pipeline import inspect, load_run, plan, render, rollout, save_run, validate
     from dexplan.plans.plan import Plan
     from dexplan.problems.problem import Problem
@@ -23,8 +25,10 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "Observation",
     "Plan",
     "Problem",
+    "RunStart",
     "Trace",
     "ValidationReport",
     "__version__",
@@ -41,6 +45,8 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Observation": "dexplan.control.observation",
+    "RunStart": "dexplan.control.foreign",
     "Plan": "dexplan.plans.plan",
     "Problem": "dexplan.problems.problem",
     "Trace": "dexplan.sim.trace",

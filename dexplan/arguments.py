@@ -19,6 +19,14 @@ _Sets = Annotated[
 ]
 _Out = Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: runs/NAME)")]
 _Text = Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: none)")]
+_Controller = Annotated[
+    str | None,
+    tyro.conf.arg(metavar="MODULE:NAME", help_behavior_hint="(default: dexplan's own)"),
+]
+_Truths = Annotated[
+    tyro.conf.UseAppendAction[tuple[str, ...]],
+    tyro.conf.arg(name="true", metavar="KEY=VALUE", help_behavior_hint=""),
+]
 _Seed = Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: the problem's)")]
 _Camera = Annotated[
     str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: the one that shows most)")
@@ -138,10 +146,15 @@ class Run(Speaking):
     """Also make video.mp4."""
     seed: _Seed = None
     """Replace the problem's seed."""
+    controller: _Controller = None
+    """Run under a controller of yours: a module or a .py file, and a function or class in it."""
+    truths: _Truths = ()
+    """How the world truly is, which nobody is told, e.g. friction.sliding=0.5; repeatable."""
 
     def run(self) -> int:
         """Do it; return the exit code."""
-        return runs.run(self.problem, self.sets, self.out, self.video, self.seed)
+        given = runs.Given(self.seed, self.controller, self.truths)
+        return runs.run(self.problem, self.sets, self.out, self.video, given)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
         return code
     except DexplanError as error:
-        return _complain(str(error), BAD_INPUT)
+        # A note says what was kept of a run that the error cut short.
+        return _complain("; ".join([str(error), *getattr(error, "__notes__", [])]), BAD_INPUT)
     except KeyboardInterrupt as error:
         told = [
             "terminated" if isinstance(error, Terminated) else "interrupted",

@@ -23,6 +23,7 @@ from dexplan.builders import (  # noqa: F401 - callers find them all here
     build_squeeze,
     build_timing,
 )
+from dexplan.control.foreign import ForeignController
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import build_reference
 from dexplan.errors import DexplanError, RunFolderError
@@ -40,8 +41,10 @@ from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
+from dexplan.problems.true_world import check_world, read_recorded_world
 from dexplan.run_folder import RUN_FILES, check_replaceable, save_problem, write_whole
 from dexplan.scene.scene import Scene
+from dexplan.sim.judge.true_world import join_world
 from dexplan.sim.judge.validate import ValidationReport, validate_run
 from dexplan.sim.judge.world import read_world
 from dexplan.sim.record import rollout as _rollout
@@ -118,18 +121,33 @@ def rollout(
     problem: Problem,
     plan: Plan,
     *,
-    seed: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    options: ControlOptions | None = None,
-    true_scene: Scene | None = None,
+    controller: ForeignController | None = None,
+    world: Problem | None = None,
     X_WO_start: Array | None = None,
+    options: ControlOptions | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Trace:
     """Run ``plan`` in MuJoCo, closed loop; a failure still returns the trace so far.
 
-    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
+    Args:
+        problem: what planner and controller believe.
+        plan: a plan with actions and durations; one that only holds the object will do.
+        controller: takes the place of dexplan's own: a function ``step(observation) -> ctrl``, or an object with that method and,
+            where it wants one, ``reset(start)``; see :mod:`dexplan.control.foreign`.
+        world: a problem with the true friction, mass and sizes, which nobody is told (None: those of ``problem``).
+        X_WO_start: (4, 4) the object's true pose at the start (None: its home).
+        options: replace those of dexplan's own controller (ablations); another one is asked at their rate.
+        progress: called with the share done.
 
-    ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
-    and controller believe (uncertainty).  Raises DexplanError for a plan without actions, or without durations.
+    Returns:
+        The run.  ``world`` and the name of a ``controller`` stand in its ``meta``.
+
+    Raises:
+        DexplanError: The plan has no actions, or no durations.
+        ControllerError: ``controller`` is none, raised something, or answered what is no control.
+        ProblemError: ``world`` differs from ``problem`` in more than the world's parameters.
+
+    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
     """
     if not plan.actions:
         raise DexplanError(
@@ -141,35 +159,53 @@ def rollout(
             "plan again: `dexplan plan` and `dexplan run` write format 2"
         )
     scene = build_scene(problem)
-    reference = build_reference(plan)
-    world = true_scene or scene
+    true_scene = None if world is None else build_scene(world)
     trace = _rollout.rollout(
         scene,
-        reference,
+        build_reference(plan),
         options or build_options(problem),
-        world=world,
-        X_WO_start=X_WO_start,
+        controller=controller,
+        truth=_rollout.Truth(true_scene, X_WO_start),
         meta={
             "problem": problem.name,
-            "seed": problem.seed if seed is None else seed,
+            "seed": problem.seed,
             "captions": build_captions(plan),
-            **as_run.describe_run(problem, plan.as_dict()),
+            **as_run.describe_run(problem, plan.as_dict(), world),
         },
         progress=progress,
     )
-    return name_states(trace, plan, world)
+    return name_states(trace, plan, true_scene or scene)
 
 
 def validate(
-    problem: Problem, plan: Plan, trace: Trace, *, groups: Iterable[str] | None = None
+    problem: Problem,
+    plan: Plan,
+    trace: Trace,
+    *,
+    world: Problem | None = None,
+    groups: Iterable[str] | None = None,
 ) -> ValidationReport:
     """Judge a run by replaying it; uses problem and plan as data only.
 
+    ``world`` is the problem with the true parameters that the run was made with, where those are not what ``problem`` believes.
     ``groups`` names the groups of checks to judge, of "physics", "task", "contacts", "forces", "internals" (None: all); the
-    verdict line tells which.  Raises RunFolderError for a trace that is none, UnknownNameError for no group.
+    verdict line tells which.  Of a run by another controller than dexplan's own the internals are "not recorded".
+
+    Raises RunFolderError for a trace that is none, UnknownNameError for no group, ProblemError for a ``world`` that differs in
+    more than the world's parameters, and for ``groups`` of which nothing is recorded.
     """
     check_replayable(trace, "the trace")
-    return validate_run(problem.as_dict(), plan.as_dict(), trace, groups=groups)
+    if world is not None:
+        check_world(problem, world)
+    true = None if world is None else world.as_dict()
+    return validate_run(problem.as_dict(), plan.as_dict(), trace, groups=groups, world=true)
+
+
+def validate_as_recorded(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
+    """Judge a saved run, with the true world that its record names; the report says in what that differs from ``problem``."""
+    check_replayable(trace, "the trace")
+    world = read_recorded_world(problem, trace.meta)
+    return validate_run(problem.as_dict(), plan.as_dict(), trace, world=world)
 
 
 def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
@@ -219,10 +255,11 @@ def save_run(
 def draw_run(
     folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
 ) -> None:
-    """Draw the summary figure of a run into its folder."""
+    """Draw the summary figure of a run into its folder, with the friction that was true."""
     from dexplan.viz.figure import draw_summary
 
-    draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
+    true = join_world(problem.as_dict(), read_recorded_world(problem, trace.meta))
+    draw_summary(true, plan, trace, report, Path(folder) / "summary.png")
 
 
 class SavedRun(NamedTuple):

@@ -69,8 +69,9 @@ def make_pipeline() -> SimpleNamespace:
     """Return a pipeline that does nothing, in place of the real one; tests replace its parts."""
     return SimpleNamespace(
         plan=lambda problem: FakePlan("solved"),
-        rollout=lambda problem, plan, *, seed=None, progress=None: "trace",
+        rollout=lambda problem, plan, *, progress=None, **ways: "trace",
         validate=lambda problem, plan, trace: FakeReport("pass"),
+        validate_as_recorded=lambda problem, plan, trace: FakeReport("pass"),
         inspect=lambda problem, folder: "the numbers",
         save_run=save_run,
         load_run=lambda folder: ("problem", "plan", "trace"),

@@ -151,14 +151,14 @@ def test_no_plan_is_an_honest_no(
 def test_run_saves_everything_and_ends_with_the_verdict(
     verdict: str, code: int, pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    pipeline.validate = lambda problem, plan, trace: FakeReport(verdict)
+    pipeline.validate_as_recorded = lambda problem, plan, trace: FakeReport(verdict)
     seeds = []
-    pipeline.rollout = lambda problem, plan, *, seed, progress: seeds.append((seed, problem.seed, progress))
+    pipeline.rollout = lambda problem, plan, *, progress: seeds.append((problem.seed, progress))
     assert main(["run", "hold_two", "--seed", "7", "--video"]) == code
     out, err = capsys.readouterr()
     assert out.splitlines()[-1].startswith(verdict.upper())
     assert err == ""
-    assert seeds == [(7, 7, None)]
+    assert seeds == [(7, None)]
     names = {"problem.toml", "plan.json", "model.xml", "trace.npz", "report.json", "video.mp4"}
     assert {f.name for f in (cwd / "runs" / "hold_two").iterdir()} == names
     assert main(["validate", "runs/hold_two"]) == code

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dexplan import run_folder
 from dexplan.commands.asked import (
@@ -21,12 +22,23 @@ from dexplan.commands.voice import Voice, complain, conclude, explain, get_voice
 from dexplan.errors import ProblemError, RenderError, RunFolderError
 
 if TYPE_CHECKING:
+    from dexplan.problems.problem import Problem
     from dexplan.sim.judge.validate import ValidationReport
 
 
-def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, seed: int | None) -> int:
+@dataclass(frozen=True)
+class Given:
+    """What else a run may be given: a seed, the name of a controller, and assignments of what is true of the world."""
+
+    seed: int | None = None
+    controller: str | None = None
+    truths: Sequence[str] = ()
+
+
+def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, given: Given = Given()) -> int:
     """Plan, simulate, judge and save; the last line on stdout is the verdict."""
-    problem, source = read(name, assignments, seed)
+    problem, source = read(name, assignments, given.seed)
+    ways = _read_ways(name, assignments, problem, given)
     folder = choose_folder(problem, out)
     output = Output(run_folder.choose_run_folder(folder, source, problem, video, out is not None), problem)
     from dexplan import pipeline
@@ -45,9 +57,9 @@ def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, se
         trace = None
         try:
             with show_progress("simulating") as progress:
-                trace = pipeline.rollout(problem, planned, seed=problem.seed, progress=progress)
+                trace = pipeline.rollout(problem, planned, progress=progress, **ways)
             with show_work("judging"):
-                report = pipeline.validate(problem, planned, trace)
+                report = pipeline.validate_as_recorded(problem, planned, trace)
         except BaseException as error:
             keep_trace(trace or getattr(error, "trace", None), folder, error)
             raise
@@ -69,7 +81,7 @@ def validate(folder: Path) -> int:
 
     problem, plan, trace = pipeline.load_run(folder)
     with show_work("judging"):
-        report = pipeline.validate(problem, plan, trace)
+        report = pipeline.validate_as_recorded(problem, plan, trace)
     path = folder / "report.json"
     try:
         if path.exists() and not run_folder.is_ours(path):
@@ -85,6 +97,24 @@ def validate(folder: Path) -> int:
     except OSError as error:
         note(f"report or figure are left as they were ({error.strerror})")
     return _judge(report)
+
+
+def _read_ways(name: str, assignments: Sequence[str], problem: Problem, given: Given) -> dict[str, Any]:
+    """Return what a rollout is told beside problem and plan; refused before anything is written."""
+    ways: dict[str, Any] = {}
+    if given.truths:
+        from dexplan.problems.override import parse_assignment
+        from dexplan.problems.read import load_problem
+        from dexplan.problems.true_world import check_world
+
+        true = [parse_assignment(text, "--true") for text in given.truths]
+        ways["world"] = load_problem(name, dict([*map(parse_assignment, assignments), *true]))
+        check_world(problem, ways["world"])
+    if given.controller is not None:
+        from dexplan.control.named import load_controller
+
+        ways["controller"] = load_controller(given.controller)
+    return ways
 
 
 def _read_verdict(folder: Path) -> str:
@@ -149,7 +179,7 @@ def draw_figures(runs: Sequence[str], most: int, camera: str | None, seed: int |
         folder = Path(name)
         if not folder.is_dir():
             folder = choose_folder(read(name, [], seed)[0], None)
-            code = max(code, run(name, [], None, False, seed))
+            code = max(code, run(name, [], None, False, Given(seed=seed)))
             if not (folder / "trace.npz").is_file():
                 continue
         with show_work("drawing"):
