@@ -233,5 +233,12 @@ def test_the_lines_of_the_docs_replay_a_run(folder: Path, monkeypatch: pytest.Mo
     for block in blocks:
         exec(compile(block, str(REPLAY), "exec"), {})
     assert (
-        len([line for line in blocks[0].splitlines() if "assert" not in line and "import" not in line]) == 6
+        len(
+            [
+                line
+                for line in blocks[0].splitlines()
+                if line and "assert" not in line and "import" not in line
+            ]
+        )
+        == 6
     )

@@ -33,7 +33,9 @@ class ContactColumn:
 
     def read(self, rows: Cells) -> Cells:
         """Return the column (N,) from the rows (N, ...) of its source."""
-        cells = rows[(slice(None), *self.place)]
+        cells = rows
+        for index in self.place:
+            cells = cells[:, index]
         return cells if self.scale == 1.0 else self.scale * cells
 
 

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fake_run import FakePlan
 from matplotlib.image import imread
 from turning_run import make_plan, make_trace
 
 from dexplan.cli import main
 from dexplan.errors import RunFolderError
+from dexplan.problems.read import load_problem
 from dexplan.run_folder import is_ours
+from dexplan.viz import frames
 from dexplan.viz.frames import choose_frames, describe_step, draw_frames, draw_run_frames
 
 
 def test_a_frame_for_the_start_and_for_every_action_that_does_something() -> None:
     trace, plan = make_trace(), make_plan()
-    frames = choose_frames(trace, plan)
-    assert [f.number for f in frames] == [1, 2, 3, 4]
-    assert [f.caption for f in frames] == ["start", "turned by 90°", "finger 3 placed", "finger 1 lifted"]
-    assert [f.fingers for f in frames] == [(0, 1), (0, 1), (0, 1, 2), (1, 2)]
+    chosen = choose_frames(trace, plan)
+    assert [f.number for f in chosen] == [1, 2, 3, 4]
+    assert [f.caption for f in chosen] == ["start", "turned by 90°", "finger 3 placed", "finger 1 lifted"]
+    assert [f.fingers for f in chosen] == [(0, 1), (0, 1), (0, 1, 2), (1, 2)]
 
 
 def test_a_frame_shows_the_end_of_its_action() -> None:
@@ -109,6 +113,25 @@ def test_a_picture_of_the_users_own_is_not_replaced(run: Path, capsys: pytest.Ca
     assert [p.read_bytes() for p in (run / "frames").iterdir()] == [b"mine"]
 
 
-def test_figures_of_run_folders(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["figures", str(run), "--most", "2"]) == 0
-    assert capsys.readouterr().out == f"{run / 'frames.png'}\n"
+def test_figures_of_run_folders_and_problems(
+    run: Path,
+    pipeline: SimpleNamespace,
+    cwd: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    drawn = []
+
+    def draw(folder: Path, most: int, camera: str) -> Path:
+        drawn.append((folder, most, camera))
+        return folder / "frames.png"
+
+    monkeypatch.setattr(frames, "draw_run_frames", draw)
+    assert main(["figures", str(run), "hold_two", "--most", "2", "--seed", "4", "-q"]) == 0
+    assert drawn == [(run, 2, "top"), (Path("runs/hold_two"), 2, "top")]
+    assert load_problem(cwd / "runs/hold_two/problem.toml").seed == 4
+    pipeline.plan = lambda problem: FakePlan("no_gait")
+    assert main(["figures", "hold_three", str(run)]) == 1
+    out = capsys.readouterr().out
+    assert "REFUSED no_gait: the reason" in out
+    assert out.splitlines()[-1] == str(run / "frames.png")
