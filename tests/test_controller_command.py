@@ -13,6 +13,7 @@ import pytest
 from dexplan.cli import main
 from dexplan.control.named import load_controller
 from dexplan.errors import DexplanError
+from dexplan.sim.judge.groups import OWN_COLUMNS
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
 
@@ -122,6 +123,27 @@ def test_what_is_wrong_from_the_first_tick_is_told(
     _, (err,) = read_lines(capsys)
     assert words in err
     assert " at 0.000 s; " in err
+
+
+def test_a_run_of_ours_that_lost_its_internals_is_not_let_off(
+    cwd: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "hold_three"]) == 0
+    path = cwd / "runs" / "hold_three" / "trace.npz"
+    whole = Trace.load(path)
+    kept = {name: column for name, column in whole.columns.items() if name not in OWN_COLUMNS}
+    Trace(whole.model_xml, kept, whole.meta).save(path)
+    capsys.readouterr()
+    assert main(["validate", str(path.parent)]) == 1
+    lines = read_lines(capsys)[0]
+    assert lines[-1].startswith("FAIL force_qp_feasible without a value")
+    assert not any("not recorded" in line for line in lines)
+    # Under another controller's name it claims no more than its controls show, and every line says so.
+    Trace(whole.model_xml, kept, {**whole.meta, "controller": "mine"}).save(path)
+    assert main(["validate", str(path.parent)]) == 0
+    assert read_lines(capsys)[0][-1].endswith(
+        "run by mine; judged: physics, task, contacts, forces; not recorded: internals"
+    )
 
 
 BAD = {

@@ -115,6 +115,10 @@ class Trace:
 
     __hash__ = None  # type: ignore[assignment]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make the trace again, so that worker processes can hand it on, or an error that carries it."""
+        return Trace, (self.model_xml, dict(self.columns), dict(self.meta), self.contradictions)
+
     @property
     def sample_count(self) -> int:
         """Number of samples T."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import pickle
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -275,6 +276,9 @@ def _check_no_answer(wrong: Callable[[np.ndarray], Any], words: str) -> None:
     assert trace.sample_count == BAD_AT
     assert trace.meta["failure"] == f"cut short: {said}"
     assert (trace["qpos"] == held_trace()["qpos"][:BAD_AT]).all()
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.name, again.time) == (said, caught.value.name, caught.value.time)
+    assert again.trace == trace
     report = pipeline.validate(*hold(), trace)
     assert "phases_in_order" in {check.name for check in report.failures}
 
