@@ -140,7 +140,7 @@ def draw_stills(
 ) -> tuple[Path, ...]:
     """Draw pictures of the run in ``folder`` into ``out``, ``frame_001.png`` and so on; return their paths.
 
-    Without ``every`` [s]: the start of the run and the end of every action but holds.  ``camera`` None: those of a film.  Pictures
+    Without ``every`` [s]: the start of the run and the end of every action but holds.  ``camera`` None: the film's.  Pictures
     of an older run in ``out`` make room, all of them.  Raises RunFolderError for anything but a run folder, and where a file in
     the way is not ours; RenderError where nothing can be drawn on this machine.
     """
