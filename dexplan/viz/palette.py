@@ -18,10 +18,6 @@ ACTION_SHADES = {
 }
 """Backgrounds behind curves, pale versions of the palette's grey, yellow, bluish green, sky blue and vermilion."""
 
-SHARE_COLORS = ("#DCE6EE", "#F2C14E", "#E8743B", "#8F1D21")
-"""How much of the friction is used, from nothing to all: pale, yellow, orange, dark red, each darker than the one before, so that
-it can be told without seeing hues."""
-
 OTHER_SHADE = "#FFFFFF"
 INK = "#222222"
 ALARM = "#D55E00"
@@ -35,6 +31,11 @@ def get_finger_color(finger: int) -> str:
 def as_rgb(color: str) -> Array:
     """Return ``#rrggbb`` as red, green and blue (3,), shares of one."""
     return np.array([int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
+
+
+SHARE_COLORS = ("#DCE6EE", "#F2C14E", "#E8743B", "#8F1D21")
+"""How much of the friction is used, from nothing to all: pale, yellow, orange, dark red, each darker than the one before, so that
+it can be told without seeing hues."""
 
 
 def get_share_color(share: float) -> str:
