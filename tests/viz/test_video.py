@@ -198,3 +198,11 @@ def test_a_trace_without_poses_is_refused_in_one_sentence(tmp_path: Path) -> Non
         video.render_frame(
             Trace(trace.model_xml, columns, trace.meta), 0.5, tmp_path / "a.png", options=DRAFT
         )
+
+
+def test_a_bare_trace_is_drawn_without_what_it_lacks(tmp_path: Path) -> None:
+    trace = make_trace()
+    bare = Trace(trace.model_xml, {k: trace[k] for k in ("time", "qpos")}, {})
+    for options in (DRAFT, FilmOptions((960, 540), quality="draft")):
+        path = video.render_frame(bare, 0.5, tmp_path / "a.png", options=options)
+        assert imread(path)[..., :3].std() > 0.05
