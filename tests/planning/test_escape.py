@@ -12,7 +12,9 @@ from recheck import Recheck
 from scipy.spatial.transform import Rotation
 
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held, Landfall
+from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.gait.escape import (
     ALIKE,
@@ -23,8 +25,6 @@ from dexplan.planning.gait.escape import (
     count_room,
     find_escapes,
 )
-from dexplan.planning.gait.held import Held, Landfall
-from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_routes, list_swings
 from dexplan.planning.tasks import object_manipulation as planner
 from dexplan.planning.tasks.object_manipulation import plan_rotation

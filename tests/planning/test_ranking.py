@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
+from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.gait.cost import CostWeights
-from dexplan.planning.gait.held import Held
-from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.nodes import Node, trace_back
 from dexplan.planning.gait.ranking import Ranking
 from dexplan.planning.gait.search import GaitSearch

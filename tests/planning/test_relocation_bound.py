@@ -10,11 +10,11 @@ import pytest
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.still import Stand, build_landings
 from dexplan.planning.regrasp.goal_side import GoalSide
-from dexplan.planning.regrasp.layers import Layers
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.search import AdjustmentSearch
-from dexplan.planning.regrasp.still import Stand, build_landings
 from dexplan.plans.contacts import Placement
 from dexplan.plans.motion import ObjectMotion
 from dexplan.spatial import VERTICAL, Array, direction_from_angles

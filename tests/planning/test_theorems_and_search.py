@@ -16,9 +16,9 @@ from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.held import Held, Landfall
-from dexplan.planning.gait.legs import Leg
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held, Landfall
+from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.gait.search import GaitSearch
 from dexplan.planning.gait.steps import Step

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.gait.states import StateChecks
+from dexplan.planning.contacts.states import StateChecks
 from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem

@@ -1,8 +1,7 @@
 """Turn and shift the object by exchanging the fingers that hold it: finger substitution and finger rewind.
 
 ===============  ==============================================================================
-``routes``       the ways that an object may take to its goal, as ``legs``
-``contacts``     ``ContactTable``: where fingers can land on a leg, and how far each contact is carried
+``routes``       the ways that an object may take to its goal, as legs
 ``search``       ``GaitSearch``: which finger lifts, where it lands, how far the object goes
 ``cost``         what makes a plan better than another one
 ``escape``       where a pair takes the object first, if no other finger finds room beside it
@@ -12,4 +11,4 @@
 Station, orbit, leg and hover are explained, with pictures, in ``docs/glossary.md``.
 """
 
-__all__ = ["contacts", "cost", "escape", "held", "legs", "routes", "search", "start_pairs", "steps"]
+__all__ = ["cost", "escape", "routes", "search", "start_pairs", "steps"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.held import Held
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
+from dexplan.planning.contacts.stops import Stop, StopKind
 from dexplan.planning.gait.steps import Step
-from dexplan.planning.gait.stops import Stop, StopKind
 from dexplan.plans.refusal import Refusal
 
 Limit = tuple[int | None, Stop | Refusal]

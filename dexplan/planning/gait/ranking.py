@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.gait.cost import CostWeights
 from dexplan.planning.gait.nodes import Node
 

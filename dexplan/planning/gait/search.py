@@ -17,16 +17,16 @@ import numpy as np
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.conditions import Condition, find_unmet
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held, Landfall
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.states import DETOUR_COST, StateChecks
+from dexplan.planning.contacts.stops import Stop, StopKind
 from dexplan.planning.gait.cost import CostWeights, compute_cost
-from dexplan.planning.gait.held import Held, Landfall
-from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.nodes import Node, build_steps, trace_back
 from dexplan.planning.gait.ranking import Ranking
 from dexplan.planning.gait.start_pairs import find_start_pairs
-from dexplan.planning.gait.states import DETOUR_COST, StateChecks
 from dexplan.planning.gait.steps import Step
-from dexplan.planning.gait.stops import Stop, StopKind
 from dexplan.planning.ways.detour import NOBODY
 from dexplan.planning.ways.travel import choose_nearer, refuse_way
 from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind

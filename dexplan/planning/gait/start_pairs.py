@@ -11,8 +11,8 @@ import numpy as np
 
 from dexplan.planning.admissible.conditions import refuse_locked_joint
 from dexplan.planning.admissible.separation import compute_opposition
-from dexplan.planning.gait.contacts import APART, ContactTable
-from dexplan.planning.gait.held import Held
+from dexplan.planning.contacts.contact_table import APART, ContactTable
+from dexplan.planning.contacts.held import Held
 from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.spatial import Array
 

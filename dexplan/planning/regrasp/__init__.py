@@ -3,9 +3,8 @@
 ===============  =================================================================
 ``search``       ``AdjustmentSearch``: from one of several grasps to a goal grasp
 ``goal_side``    the goal grasp seen from behind
-``still``        ``StillContacts``: what can land where while the object stands
 ``moves``        what such a search answers with
 ===============  =================================================================
 """
 
-__all__ = ["goal_side", "moves", "search", "still"]
+__all__ = ["goal_side", "moves", "search"]

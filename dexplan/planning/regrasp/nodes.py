@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from dexplan.planning.regrasp.layers import Layers
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.still import Stand
 from dexplan.planning.regrasp.moves import Move, reverse_roll
-from dexplan.planning.regrasp.still import Stand
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.ways.travel import Way, describe_detour
 from dexplan.plans.contacts import Contacts

@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from dexplan.planning.regrasp.layers import Layers
-from dexplan.planning.regrasp.still import Stand
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.still import Stand
 from dexplan.spatial import Array
 
 NEVER = np.inf

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.still import land_again
 from dexplan.planning.regrasp.goal_side import OPTIONS, GoalSide
-from dexplan.planning.regrasp.layers import Layers
 from dexplan.planning.regrasp.moves import Adjustment, Move, is_same
 from dexplan.planning.regrasp.nodes import Labels, Node, build_moves, trace_back
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.stand_search import AbstractStandSearch
-from dexplan.planning.regrasp.still import land_again
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
 from dexplan.plans.contacts import Contacts, Placement

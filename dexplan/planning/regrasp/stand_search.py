@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.planning.regrasp.layers import Layers
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.still import Stand
 from dexplan.planning.regrasp.nodes import Entry, Node, change_stand
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
-from dexplan.planning.regrasp.still import Stand
 from dexplan.planning.ways.travel import refuse_way
 from dexplan.plans.refusal import Refusal, RefusalCount, RefusalKind
 

@@ -15,7 +15,7 @@ import numpy as np
 from dexplan.planning.actions.joining import follow_actions, without_holds
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.regrasp.still import StillContacts
+from dexplan.planning.contacts.still import StillContacts
 from dexplan.planning.rolling.roll_gait import build_roll_actions
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.tasks.object_manipulation import Start, plan_rotations

@@ -13,11 +13,11 @@ from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.conditions import Condition
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
+from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.gait.escape import MOST_PLACES_COUNTED, count_room, find_escapes
-from dexplan.planning.gait.held import Held
-from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_detours, build_routes, list_swings
 from dexplan.planning.gait.search import CURE, GaitSearch, Node
 from dexplan.planning.gait.start_pairs import refuse_unreachable

@@ -17,10 +17,10 @@ from dexplan.planning.actions.joining import build_move_actions, enclose, follow
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.tip_rotation import refuse_rotation
+from dexplan.planning.contacts.still import StillContacts, build_landings
 from dexplan.planning.gait.cost import Improvement, compute_actions_cost
 from dexplan.planning.regrasp.goal_side import GoalSide
 from dexplan.planning.regrasp.search import AdjustmentSearch
-from dexplan.planning.regrasp.still import StillContacts, build_landings
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.tasks.ends import BUDGETS, Beginning, End, Ends, choose_beginnings
 from dexplan.planning.tasks.goal_refusals import GoalContacts

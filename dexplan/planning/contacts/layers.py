@@ -10,7 +10,7 @@ from dexplan.planning.admissible.admissibility import Admissibility, FingerState
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
-from dexplan.planning.regrasp.still import Stand, StillContacts
+from dexplan.planning.contacts.still import Stand, StillContacts
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal
 from dexplan.spatial import Array

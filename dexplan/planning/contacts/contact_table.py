@@ -24,11 +24,11 @@ from dexplan.planning.admissible.separation import (
     compute_pair_angle_max,
     describe_separation,
 )
-from dexplan.planning.gait.candidates import Landings, find_landings
-from dexplan.planning.gait.held import Candidates, Held, Landfall, Landing
-from dexplan.planning.gait.legs import Leg
-from dexplan.planning.gait.orbits import Orbit, build_fixed_orbit, build_orbits
-from dexplan.planning.gait.stops import Stop, StopKind
+from dexplan.planning.contacts.candidates import Landings, find_landings
+from dexplan.planning.contacts.held import Candidates, Held, Landfall, Landing
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.orbits import Orbit, build_fixed_orbit, build_orbits
+from dexplan.planning.contacts.stops import Stop, StopKind
 from dexplan.planning.regions.regions import compute_regions
 from dexplan.planning.regions.theorems import check_theorem_1
 from dexplan.plans.contacts import Placement

@@ -15,8 +15,8 @@ from dexplan.planning.admissible.admissibility import Admissibility, Margins
 from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_contact_torques, compute_pair_loads, sure_share
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.held import Held
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
 from dexplan.plans.refusal import Refusal, RefusalKind

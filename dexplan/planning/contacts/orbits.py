@@ -18,8 +18,8 @@ from dexplan.kinematics.chain import Chain, wrap_near
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_near, solve_tip_pose
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import list_others, remember_clearances
-from dexplan.planning.gait.legs import Leg
-from dexplan.planning.gait.stops import LAST_JOINT, SINGULAR, WORKSPACE_END, Stop, StopKind
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.stops import LAST_JOINT, SINGULAR, WORKSPACE_END, Stop, StopKind
 from dexplan.spatial import Array, lock_arrays, make_pose, read_only
 
 _JUMP = 0.30
