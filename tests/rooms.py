@@ -35,7 +35,9 @@ ALL = (
     "pipeline run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plans scene"
-PROBLEMS = "planning.admissible planning.ways planning.regions planning.rolling planning.contacts"
+PROBLEMS = (
+    "planning.admissible planning.ways planning.regions planning.rolling planning.contacts planning.search"
+)
 ROOMS = {
     # storey 0
     "errors": _see(""),
@@ -63,6 +65,7 @@ ROOMS = {
     "planning.regions": _see(f"{KNOWN} planning.admissible", MATH),
     "planning.rolling": _see(f"{KNOWN} planning.admissible", MATH),
     "planning.contacts": _see(f"{KNOWN} planning.admissible planning.ways planning.regions", MATH),
+    "planning.search": _see(f"{KNOWN} planning.ways planning.contacts", MATH),
     "planning.gait": _see(f"{KNOWN} {PROBLEMS}", MATH),
     "planning.regrasp": _see(f"{KNOWN} {PROBLEMS}", MATH),
     "planning.actions": _see(f"{KNOWN} {PROBLEMS} planning.gait planning.regrasp", MATH),

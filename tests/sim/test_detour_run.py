@@ -62,7 +62,7 @@ def test_along_the_arc_the_finger_would_hit_the_bar(problem: Problem, plan: Plan
 
 
 def test_with_arcs_alone_there_is_no_plan(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(StateChecks, "put_off", lambda self, asker: False)
+    monkeypatch.setattr(StateChecks, "may_go_around", lambda self, *asked: False)
     refused = pipeline.plan(problem)
     assert not refused.is_solved
     assert "finger_1/tip and obstacle_1 come too near on the way" in refused.reason

@@ -18,8 +18,9 @@ from dexplan.planning.contacts.held import Held
 from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.gait.escape import MOST_PLACES_COUNTED, count_room, find_escapes
+from dexplan.planning.gait.exchange import GaitNode
 from dexplan.planning.gait.routes import build_detours, build_routes, list_swings
-from dexplan.planning.gait.search import CURE, GaitSearch, Node
+from dexplan.planning.gait.search import CURE, GaitSearch
 from dexplan.planning.gait.start_pairs import refuse_unreachable
 from dexplan.planning.tasks.blocked import (
     StartContact,
@@ -204,7 +205,7 @@ class _Planning:
         self.searches.append(first)
         return self._begin_first(first)
 
-    def _find_ways(self) -> Iterator[tuple[GaitSearch, Node]]:
+    def _find_ways(self) -> Iterator[tuple[GaitSearch, GaitNode]]:
         """Yield ways to the goal, each as its search and last node, until the budget is spent."""
         proposals = self._propose(self.searches[0].tables[0])
         while (left := self.node_budget - int(self.statistics["nodes"])) > 0:
@@ -243,7 +244,7 @@ class _Planning:
         plan = _answer(self.hand, self.goal, no.status, no.reason, self.contacts, (), self.statistics)
         return replace(plan, refusal=no.refusal)
 
-    def _build(self, search: GaitSearch, node: Node) -> Plan:
+    def _build(self, search: GaitSearch, node: GaitNode) -> Plan:
         steps = search.steps(node)
         first: list[Placement | None] = [None] * len(self.hand.fingers)
         for placement in steps[0].contacts:
