@@ -42,8 +42,6 @@ BARE: dict[str, set[str]] = {
     "planning/regions/contactable.py": {"_solve_closed"},
     "planning/regions/regions.py": {"_as_tuple"},
     "planning/regions/theorems.py": {"_find_widest"},
-    "planning/contacts/layers.py": {"carry"},
-    "planning/regrasp/stand_search.py": {"_place"},
     "planning/rolling/roll_gait.py": {"_roll_pair"},
     "sim/judge/checks_rolling.py": {"_compare_roll", "_find_outsets"},
 }

@@ -3,6 +3,7 @@
 ==================  =======================================================================================
 ``oracle``          ``Contacts``: the protocol, and the values in it
 ``orbit_contacts``  ``OrbitContacts``: the oracle for bodies that look the same all around the axes of their way
+``site_contacts``   ``SiteContacts``: the oracle for any way of the object, at poses one after another
 ``legs``            the object's path as legs, which contacts go along in stations
 ``contact_table``   ``ContactTable``: the contacts of one leg, on orbits of a body that looks the same all around
 ``candidates``      ``find_landings``: the stations at which fingers can land
@@ -27,6 +28,7 @@ __all__ = [
     "orbit_contacts",
     "orbit_landfalls",
     "orbits",
+    "site_contacts",
     "states",
     "still",
     "stops",

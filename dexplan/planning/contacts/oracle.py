@@ -85,6 +85,14 @@ class Verdict:
     margins: Mapping[str, float]
     refusal: Refusal | None = None
 
+    def joined(self, later: Verdict) -> Verdict:
+        """Return the verdict on this stretch and a later one."""
+        rows = [row for row in (self.margins, later.margins) if row]
+        names = rows[0] if rows else ()
+        pick = {name: max if name == "torque_share" else min for name in names}
+        margins = {name: pick[name](row[name] for row in rows) for name in names}
+        return Verdict(margins, self.refusal or later.refusal)
+
 
 class Contacts(Protocol[Grip, Touch]):
     """The oracle.  Every question may be asked at any time, in any order; answers are kept and do not change."""

@@ -36,6 +36,11 @@ DETOURS = 4
 """So many detours are looked for in vain around one pose of the object."""
 
 
+def change_stand(stand: Stand, finger: int, spot: int | None) -> Stand:
+    """Return the stand with one finger elsewhere."""
+    return (*stand[:finger], spot, *stand[finger + 1 :])
+
+
 def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) -> list[Placement | None]:
     """Return how a finger touches along outward normals (N, 3) in object axes, its pole along them; None where it cannot.
 
@@ -89,7 +94,7 @@ class StillContacts:
     _landings: dict[int, list[int]] = field(default_factory=dict)
     _loads: dict[tuple[int, int], Array] = field(default_factory=dict)
     _arcs: dict[int, Array] = field(default_factory=dict)
-    _ways: dict[tuple[Stand, int], Way] = field(default_factory=dict)
+    _ways: dict[tuple[Stand, int, bool], Way] = field(default_factory=dict)
     _detours: int = 0
 
     def __post_init__(self) -> None:
@@ -191,14 +196,16 @@ class StillContacts:
         finger = next(f for f, (a, b) in enumerate(zip(before, after, strict=True)) if a != b)
         spot = before[finger] if after[finger] is None else after[finger]
         assert spot is not None
-        return self.find_way((*before[:finger], None, *before[finger + 1 :]), spot)
+        return self.find_way(change_stand(before, finger, None), spot)
 
-    def find_way(self, stand: Stand, spot: int) -> Way:
-        """Return how a free finger of ``stand`` goes between home and ``spot``, around what is in the arc's way.
+    def find_way(self, stand: Stand, spot: int, looks_around: bool = True) -> Way:
+        """Return how a free finger of ``stand`` goes between home and ``spot``.
+
+        If it ``looks_around``, it goes around what is in the way of the arc.
 
         The last bit, from the hover down along the normal, is judged at its end, where all touch.
         """
-        key = (stand, spot)
+        key = (stand, spot, looks_around)
         if key not in self._ways:
             placement = self.spots[spot]
             finger = self.hand.fingers[placement.finger]
@@ -210,7 +217,7 @@ class StillContacts:
             arc = self._arcs[spot]
             touching = tuple(f for f, s in enumerate(stand) if s is not None)
             around = Surroundings(self.hand, self.postures(stand), self.X_WO, placement.finger, touching)
-            way = find_way(around, arc, self._detours < DETOURS)
-            self._detours += way.clearance < self.hand.limits.clearance
+            way = find_way(around, arc, looks_around and self._detours < DETOURS)
+            self._detours += looks_around and way.clearance < self.hand.limits.clearance
             self._ways[key] = way
         return self._ways[key]

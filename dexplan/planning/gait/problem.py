@@ -50,7 +50,9 @@ class GaitProblem:
     # -- what nodes are worth --------------------------------------------------------------------------------------------
 
     def estimate(self, node: GaitNode) -> GaitNode:
-        """Return a node with what seems to be missing from it to the goal."""
+        """Return a node with what seems to be missing from it to the goal; nothing that is learnt changes that."""
+        if node.bound is not None:
+            return node
         return replace(node, bound=self.ranking.estimate_missing(node))
 
     def rank(self, node: GaitNode) -> float:
@@ -135,18 +137,18 @@ class GaitProblem:
         held = self.contacts.enter(node.grip, node.at, moved)
         if isinstance(held, Refusal):
             return held
-        child = replace(
+        return replace(
             node,
             at=Progress(stretch + 1, 0),
             grip=held,
             parent=node,
             moves=(Go(moved),),
             promise=min(h.left for h in held),
+            bound=None,
             may_detour=False,
             arrival=Arrival(),
             reach=None,
         )
-        return self.estimate(child)
 
     def _verify(self, last: GaitNode) -> Refusal | None:
         """Judge every state of a finished way; return the first refusal."""
@@ -204,7 +206,7 @@ class GaitProblem:
         turn = sum(move.stops for move in moves if isinstance(move, Go))
         placed = any(isinstance(move, Place) for move in moves)
         movers = tuple(sorted(self.contacts.list_touching(node.grip))) if turn else node.movers
-        child = Node(
+        return Node(
             Progress(node.at.stretch, node.at.stop + turn),
             held,
             node.cost + placed,
@@ -214,7 +216,6 @@ class GaitProblem:
             promise=min(h.left for h in held) if promise is None else promise,
             movers=movers,
         )
-        return self.estimate(child)
 
     def _choose_purpose(self, node: GaitNode, finger: int, turn: int) -> Purpose:
         """Return what a finger lands for: in a rewind the pair gets ready to move on, the others stand in meanwhile."""

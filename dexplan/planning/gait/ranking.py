@@ -9,6 +9,7 @@ import numpy as np
 from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.gait.cost import CostWeights
 from dexplan.planning.gait.exchange import GaitNode
+from dexplan.planning.search.nodes import known_bound
 
 HEURISTIC_WEIGHT = 3.0
 """How much more a turn still to be made counts than placements already spent.  One placement is taken to be worth half of what
@@ -29,11 +30,11 @@ class Ranking:
         """Return the priority of a node, whose bound is known; the smallest is opened first."""
         # Between equals, prefer grasps that carry easily: small forces and room for error.
         load = node.strain + 30.0 * max(0.0, node.strain - 0.88)
-        return node.cost + HEURISTIC_WEIGHT * node.bound + load
+        return node.cost + HEURISTIC_WEIGHT * known_bound(node) + load
 
     def foresee_cost(self, node: GaitNode, weights: CostWeights) -> float:
         """Return what a way through ``node`` costs at least, if ``CERTAIN_SHARE`` of what seems to be missing is needed."""
-        placements = node.cost + CERTAIN_SHARE * node.bound
+        placements = node.cost + CERTAIN_SHARE * known_bound(node)
         turned = sum(abs(table.leg.angle) for table in self.tables)
         return weights.placement * placements + weights.turn * turned + weights.load * node.strain
 

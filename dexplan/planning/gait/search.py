@@ -113,9 +113,7 @@ class GaitSearch:
             # Rewinds go on with the pair they begin with: an exchange before the first motion would be a substitution.
             is_pair = self._problem.rewinds_only and len(held) == 2
             movers = tuple(sorted(h.finger for h in held)) if is_pair else ()
-        self._engine.push(
-            self._problem.estimate(Node(START, held, promise=lasts, strain=load, movers=movers))
-        )
+        self._engine.push(Node(START, held, promise=lasts, strain=load, movers=movers))
 
     def seek_cheaper(self, cost: float, weights: CostWeights) -> None:
         """Go on without what will hardly cost less than ``cost``."""

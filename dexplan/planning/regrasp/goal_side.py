@@ -13,8 +13,7 @@ from itertools import combinations
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.layers import Layers
-from dexplan.planning.contacts.still import Stand, StillContacts
-from dexplan.planning.regrasp.nodes import change_stand
+from dexplan.planning.contacts.still import Stand, StillContacts, change_stand
 from dexplan.planning.regrasp.relocation_bound import Pair, RelocationBound
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair

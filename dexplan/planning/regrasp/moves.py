@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from dexplan.planning.rolling.roll_to_goal import measure_angle
@@ -23,7 +24,7 @@ class Move:
     finger: int | None
     contacts: Contacts
     X_WO: Array
-    margins: dict[str, float] = field(default_factory=dict)
+    margins: Mapping[str, float] = field(default_factory=dict)
     rolls: tuple[TipRoll, ...] = ()
     why: str = ""
     motion: ObjectMotion | None = None

@@ -64,6 +64,7 @@ class Engine(Generic[Grip]):
 
     def push(self, node: Node[Grip], crowd: float = 0.0) -> None:
         """Propose a node."""
+        node = self.problem.estimate(node)
         rank = self.problem.rank(node)
         if np.isfinite(rank):
             heapq.heappush(self._heap, _Entry(rank + crowd, self._serial, node))
@@ -78,9 +79,12 @@ class Engine(Generic[Grip]):
         limit = self.opened + nodes
         while self._heap and self.opened < limit:
             entry = heapq.heappop(self._heap)
-            node, problem = entry.node, self.problem
-            key = problem.key_of(node)
-            if key in self._seen or problem.costs_too_much(node):
+            problem = self.problem
+            key = problem.key_of(entry.node)
+            if key in self._seen:
+                continue
+            node = problem.estimate(entry.node)
+            if problem.costs_too_much(node):
                 continue
             likes = problem.list_likes(node)
             crowd = self._measure_crowd(likes)

@@ -25,9 +25,10 @@ class Arrival:
 class Node(Generic[Grip]):
     """A ``grip`` that holds the object at some progress ``at``, and how the search came there: from ``parent`` by ``moves``.
 
-    ``cost`` is what the way there counts, ``bound`` how much seems to be missing, in the same unit; ``strain`` is what makes it
-    dear to go on with the grip, though it costs nothing: its share of the cone.  ``promise``: for how many stops the grip should
-    last; ``movers``: the fingers that moved the object last; ``origin``: the number of the start that it comes from.
+    ``cost`` is what the way there counts, ``bound`` how many moves seem to be missing, None while nobody asked; ``strain`` is
+    what makes it dear to go on with the grip, though it costs nothing: its share of the cone.  ``promise``: for how many stops
+    the grip should last; ``movers``: the fingers that moved the object last; ``origin``: the number of the start that it comes
+    from.
 
     ``may_detour``: arcs were in the way of something, so that its fingers may go around.  Known once the node is opened:
     ``arrival`` and ``reach``.
@@ -36,7 +37,7 @@ class Node(Generic[Grip]):
     at: Progress
     grip: Grip
     cost: float = 0.0
-    bound: float = 0.0
+    bound: float | None = None
     parent: Node[Grip] | None = None
     moves: tuple[Move, ...] = ()
     strain: float = 0.0
@@ -58,3 +59,9 @@ def trace_back(node: Node[Grip]) -> list[Node[Grip]]:
     while (parent := way[-1].parent) is not None:
         way.append(parent)
     return way[::-1]
+
+
+def known_bound(node: Node[Grip]) -> float:
+    """Return how many moves seem to be missing from a node for which that was asked."""
+    assert node.bound is not None
+    return node.bound

@@ -62,8 +62,12 @@ class Problem(Protocol[Grip]):
         """Return what a node shares with those that are much like it."""
         ...
 
+    def estimate(self, node: Node[Grip]) -> Node[Grip]:
+        """Return the node with its bound as it is now known; inf where no way leads on."""
+        ...
+
     def rank(self, node: Node[Grip]) -> float:
-        """Return the priority of a node, the smallest first; inf where no way leads on.  What is learnt may only raise it."""
+        """Return the priority of a node whose bound is known, the smallest first; what is learnt may only raise it."""
         ...
 
     def costs_too_much(self, node: Node[Grip]) -> bool:
