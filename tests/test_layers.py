@@ -18,11 +18,10 @@ LONG_FILES = {
     "pipeline.py",
     "planning/regions/contactable.py",
     "planning/tasks/object_manipulation.py",
-    "planning/tasks/stages.py",
     "witness/endurance.py",
 }
 """Files beyond the limit, none longer than 400 lines.  This list only shrinks."""
-LONG_CLASSES = {"Stages", "_Planning", "PairSurvey", "Reader"}
+LONG_CLASSES = {"_Planning", "PairSurvey", "Reader"}
 """Classes beyond the limit.  This list only shrinks."""
 BANNED_NAMES = {"utils", "util", "common", "helpers", "helper", "manager", "managers", "misc"}
 STEPPING_FILES = {

@@ -15,7 +15,10 @@ from hypothesis import strategies as st
 from dexplan import pipeline
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import remember_clearances
-from dexplan.planning.gait.cost import (
+from dexplan.planning.gait.exchange import GaitNode
+from dexplan.planning.gait.search import GaitSearch
+from dexplan.planning.gait.steps import Step
+from dexplan.planning.search.cost import (
     ROOM,
     SHIFT,
     CostWeights,
@@ -23,9 +26,6 @@ from dexplan.planning.gait.cost import (
     compute_actions_cost,
     compute_cost,
 )
-from dexplan.planning.gait.exchange import GaitNode
-from dexplan.planning.gait.search import GaitSearch
-from dexplan.planning.gait.steps import Step
 from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan

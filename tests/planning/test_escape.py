@@ -17,7 +17,6 @@ from dexplan.planning.contacts.held import Held
 from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.contacts.oracle import Landfall, Purpose
 from dexplan.planning.contacts.orbit_landfalls import find_landings_on
-from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.gait.escape import (
     ALIKE,
     COUNT,
@@ -28,6 +27,7 @@ from dexplan.planning.gait.escape import (
     find_escapes,
 )
 from dexplan.planning.gait.routes import build_routes, list_swings
+from dexplan.planning.search.cost import Improvement
 from dexplan.planning.tasks import object_manipulation as planner
 from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.plans.goal import RotationGoal

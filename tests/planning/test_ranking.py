@@ -15,10 +15,10 @@ from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.contacts.held import Held
 from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.contacts.oracle import Progress
-from dexplan.planning.gait.cost import CostWeights
 from dexplan.planning.gait.exchange import GaitNode
 from dexplan.planning.gait.ranking import Ranking
 from dexplan.planning.gait.search import GaitSearch
+from dexplan.planning.search.cost import CostWeights
 from dexplan.planning.search.nodes import Node, trace_back
 from dexplan.spatial import direction_from_angles
 

@@ -4,7 +4,6 @@
 ``routes``       the ways that an object may take to its goal, as legs
 ``exchange``     can fingers be exchanged?
 ``search``       ``GaitSearch``: which finger lifts, where it lands, how far the object goes
-``cost``         what makes a plan better than another one
 ``escape``       where a pair takes the object first, if no other finger finds room beside it
 ``theorem_1``    the paper's necessary condition for a gait
 ``steps``        what a search answers with
@@ -13,4 +12,4 @@
 Station, orbit, leg and hover are explained, with pictures, in ``docs/glossary.md``.
 """
 
-__all__ = ["cost", "escape", "exchange", "routes", "search", "start_pairs", "steps", "theorem_1"]
+__all__ = ["escape", "exchange", "routes", "search", "start_pairs", "steps", "theorem_1"]

@@ -16,10 +16,10 @@ from dexplan.planning.contacts.held import Held
 from dexplan.planning.contacts.oracle import Landfall, Progress, Purpose, Reach
 from dexplan.planning.contacts.orbit_contacts import Holding, OrbitContacts
 from dexplan.planning.contacts.stops import Stop, StopKind
-from dexplan.planning.gait.cost import CostWeights
 from dexplan.planning.gait.exchange import GaitNode, judge_exchange
 from dexplan.planning.gait.ranking import Ranking
 from dexplan.planning.gait.theorem_1 import refuse_gait
+from dexplan.planning.search.cost import CostWeights
 from dexplan.planning.search.moves import Go, Lift, Move, Place
 from dexplan.planning.search.nodes import Arrival, Node, trace_back
 from dexplan.planning.search.problem import Expansion, Judged, Likes, Refused

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexplan.planning.contacts.contact_table import ContactTable
-from dexplan.planning.gait.cost import CostWeights
 from dexplan.planning.gait.exchange import GaitNode
+from dexplan.planning.search.cost import CostWeights
 from dexplan.planning.search.nodes import known_bound
 
 HEURISTIC_WEIGHT = 3.0

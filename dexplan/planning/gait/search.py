@@ -17,11 +17,11 @@ from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.contacts.oracle import Progress
 from dexplan.planning.contacts.orbit_contacts import Holding, OrbitContacts
-from dexplan.planning.gait.cost import CostWeights, compute_cost
 from dexplan.planning.gait.exchange import GaitNode
 from dexplan.planning.gait.problem import GaitProblem
 from dexplan.planning.gait.start_pairs import find_start_pairs
 from dexplan.planning.gait.steps import Link, Step, build_steps
+from dexplan.planning.search.cost import CostWeights, compute_cost
 from dexplan.planning.search.engine import Engine, Patience
 from dexplan.planning.search.moves import Lift
 from dexplan.planning.search.nodes import Node, trace_back

@@ -4,6 +4,8 @@
 ``nodes``       a grip at some progress, what the way there counts, and the moves that led there
 ``moves``       ``Go``, ``Place``, ``Lift``, ``RollTo``
 ``problem``     what poses a problem to the engine: what nodes are worth, are refused for, lead to
+``cost``        what makes a plan better than another one
+``options``     what users set
 ``engine``      ``Engine``: opens nodes, the most promising first, judges them when their turn comes
 ==============  ====================================================================================
 
@@ -12,6 +14,6 @@ Nothing here knows how many fingers there are, how many joints they have, or wha
 
 from dexplan.moved import forward
 
-__all__ = ["engine", "moves", "nodes", "problem"]
+__all__ = ["cost", "engine", "moves", "nodes", "options", "problem"]
 
 __getattr__ = forward(__name__, ["dexplan.planning.gait.search"])

@@ -16,12 +16,12 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.contacts.held import Held
 from dexplan.planning.contacts.legs import Leg
-from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.gait.escape import MOST_PLACES_COUNTED, count_room, find_escapes
 from dexplan.planning.gait.exchange import GaitNode
 from dexplan.planning.gait.routes import build_detours, build_routes, list_swings
 from dexplan.planning.gait.search import CURE, GaitSearch
 from dexplan.planning.gait.start_pairs import refuse_unreachable
+from dexplan.planning.search.cost import Improvement
 from dexplan.planning.tasks.blocked import (
     StartContact,
     may_hold_at,

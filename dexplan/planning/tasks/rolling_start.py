@@ -15,8 +15,8 @@ from typing import Literal
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.rolling.roll_gait import RollPlan, RollToPair, build_roll_actions
+from dexplan.planning.search.cost import Improvement
 from dexplan.planning.tasks.ends import Beginning
 from dexplan.planning.tasks.object_manipulation import FIRST, Start, plan_rotation
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
