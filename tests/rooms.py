@@ -32,7 +32,7 @@ GROUND = "errors spatial brief icosphere moved"
 MATH = "numpy scipy"
 ALL = (
     f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz witness problems cli commands "
-    "pipeline run_folder terminal usage __init__"
+    "arguments builders pipeline run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plans scene"
 PROBLEMS = (
@@ -48,6 +48,7 @@ ROOMS = {
     # storey 1
     "contact": _see(f"{GROUND}", MATH),
     "contact.surfaces": _see(f"{GROUND}", MATH),
+    "contact.bodies": _see(GROUND, MATH),
     "contact.kinematics": _see(f"{GROUND} contact contact.surfaces", MATH),
     "contact.rolling": _see(f"{GROUND} contact contact.surfaces contact.kinematics", MATH),
     "grasp": _see(f"{GROUND} contact", MATH),
@@ -84,8 +85,10 @@ ROOMS = {
     "terminal": _see(GROUND),
     "usage": _see(GROUND, "tyro"),
     "cli": _see(ALL, "tyro"),
+    "arguments": _see(ALL, "tyro"),
     "commands": _see(ALL, "tqdm platformdirs"),
-    "pipeline": _see(ALL, f"{MATH} mujoco tqdm platformdirs"),
+    "pipeline": _see(ALL, MATH),
+    "builders": _see(f"{KNOWN} planning control problems", MATH),
     "__init__": _see(ALL),
     "__main__": _see("cli"),
 }

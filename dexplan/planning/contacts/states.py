@@ -7,6 +7,8 @@ not.  Only what lies between is asked right away; every state of a finished plan
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,12 +34,21 @@ MOST_FAILED_DETOURS = 12
 """So many detours are looked for in vain while one goal is planned for; after that what is in the way of an arc is believed."""
 OVERLOAD = Refusal(RefusalKind.LOAD, words="the contacts cannot carry the load (friction)")
 
-Key = tuple[tuple[int, int, int], ...]
+
+class Where(NamedTuple):
+    """What decides a contact's posture: its orbit, where it landed (hence its spin), and how far it came."""
+
+    orbit: int
+    landed: int
+    steps: int
+
+    @classmethod
+    def of(cls, held: Held) -> Where:
+        """Return where a contact is."""
+        return cls(held.orbit, held.landed, held.steps)
 
 
-def where(held: Held) -> tuple[int, int, int]:
-    """Return what decides a contact's posture: its orbit, where it landed (hence its spin), and how far it came."""
-    return held.orbit, held.landed, held.steps
+Key = tuple[Where, ...]
 
 
 class StateChecks:
@@ -51,8 +62,8 @@ class StateChecks:
         self._together: dict[Key, Refusal | None] = {}
         self._loads: dict[Key, NDArray[np.int8]] = {}
         self._bias: dict[tuple[int, int], Array] = {}
-        self._arcs: dict[tuple[int, int, int], Array] = {}
-        self._ways: dict[tuple[tuple[int, int, int], Key, bool], Way] = {}
+        self._arcs: dict[Where, Array] = {}
+        self._ways: dict[tuple[Where, Key, bool], Way] = {}
 
     @property
     def count(self) -> int:
@@ -172,16 +183,16 @@ class StateChecks:
 
         The rest of the way is along the normal.  It is the arc, where that is clear or unless it ``looks_around``.
         """
-        key = where(moving), _key(holding), looks_around
+        key = Where.of(moving), _key(holding), looks_around
         if key not in self._ways:
             X_WO, finger = self._table.leg.pose(done), self._hand.fingers[moving.finger]
-            arc = self._arcs.get(where(moving))
+            arc = self._arcs.get(Where.of(moving))
             if arc is None:
                 placement = self._table.placement(moving, done)
                 hover = compute_hover(
                     finger, X_WO, placement.X_OF, placement.normal_O, placement.q, self._hand.hover
                 )
-                arc = self._arcs[where(moving)] = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
+                arc = self._arcs[Where.of(moving)] = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
             around = self._around(moving, holding, done)
             way = find_way(
                 around, arc, looks_around and self._admissibility.failed_detours < MOST_FAILED_DETOURS
@@ -205,4 +216,4 @@ class StateChecks:
 
 
 def _key(held: tuple[Held, ...]) -> Key:
-    return tuple(sorted(where(h) for h in held))
+    return tuple(sorted(Where.of(h) for h in held))

@@ -22,9 +22,9 @@ from dexplan.planning.tasks.dead_ends import refuse_end
 from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
 from dexplan.planning.tasks.grasp_task import GraspTask
 from dexplan.planning.tasks.no import No
-from dexplan.planning.tasks.object_manipulation import Start
 from dexplan.planning.tasks.passes import PASSES, GraspWay, Pass
 from dexplan.planning.tasks.stages import Stages
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan

@@ -18,7 +18,8 @@ from dexplan.planning.contacts.still import StillContacts
 from dexplan.planning.rolling.roll_gait import build_roll_actions
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle
 from dexplan.planning.search.options import SearchOptions
-from dexplan.planning.tasks.object_manipulation import Start, plan_rotations
+from dexplan.planning.tasks.object_manipulation import plan_rotations
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.goal import RotationGoal

@@ -11,7 +11,8 @@ from dexplan.planning.contacts.still import StillContacts, build_landings
 from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.goal_refusals import GoalContacts
 from dexplan.planning.tasks.no import No
-from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
+from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
 from dexplan.plans.contacts import Contacts, GoalContact, Placement
 from dexplan.plans.goal import RotationGoal

@@ -18,8 +18,9 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import RollPlan, RollToPair, build_roll_actions
 from dexplan.planning.search.cost import Improvement
 from dexplan.planning.tasks.ends import Beginning
-from dexplan.planning.tasks.object_manipulation import FIRST, Start, plan_rotation
+from dexplan.planning.tasks.object_manipulation import FIRST, plan_rotation
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import rest_at
