@@ -29,6 +29,8 @@ from dexplan.spatial import Array, invert_pose
 
 Stand = tuple[int | None, ...]
 """Per finger the number of its spot, None where it is free (at home)."""
+Labels = tuple[int | None, ...]
+"""Per finger what its contact is to the goal, as :meth:`StillContacts.label` says."""
 
 DIRECTIONS = 240
 """Directions around the object at which intermediate landings are tried."""
@@ -149,7 +151,7 @@ class StillContacts:
         """Return the outward normal (3,) of a spot in W."""
         return self._normals[spot]
 
-    def label(self, stand: Stand) -> tuple[int | None, ...]:
+    def label(self, stand: Stand) -> Labels:
         """Return the labels of a stand; -1 for a contact without one, None for a free finger."""
         return tuple(None if s is None else -1 if (found := self.labels[s]) is None else found for s in stand)
 

@@ -5,18 +5,17 @@ A node's children put a free finger down, lift one where the others hold alone, 
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
 from dexplan.planning.contacts.oracle import Landfall, Progress
 from dexplan.planning.contacts.site_contacts import SiteContacts
-from dexplan.planning.contacts.still import Stand, change_stand, land_again
-from dexplan.planning.regrasp.goal_side import GoalSide
-from dexplan.planning.regrasp.relocation_bound import RelocationBound
-from dexplan.planning.rolling.roll_gait import RollPlan
+from dexplan.planning.contacts.still import Stand, StillContacts, change_stand, land_again
+from dexplan.planning.regrasp.relocation_bound import Pair, RelocationBound
 from dexplan.planning.search.moves import Go, Lift, Move, Place
 from dexplan.planning.search.nodes import Arrival, Node, known_bound, trace_back
 from dexplan.planning.search.problem import Expansion, Judged, Likes, Refused
@@ -35,16 +34,43 @@ LOAD_COST = 0.4
 """What a landing counts in addition whose pair uses all of the believed cone."""
 
 
+class End(Protocol):
+    """Which grips at the last pose are the goal.
+
+    ``still``: the contacts there.  ``roots``: the stands that are ends, each with the pairs of fingers whose third may come last;
+    None where any two contacts that hold are one.  ``wanted``: per finger the spots that ends use and a grid need not have.
+    """
+
+    @property
+    def still(self) -> StillContacts:
+        """The contacts at the last pose."""
+        ...
+
+    @property
+    def roots(self) -> Mapping[Stand, list[Pair]] | None:
+        """The stands that are ends."""
+        ...
+
+    @property
+    def wanted(self) -> Mapping[int, list[int]]:
+        """Spots that ends use."""
+        ...
+
+    def is_end(self, stand: Stand) -> bool:
+        """Return whether a stand at the last pose is an end."""
+        ...
+
+
 @dataclass(eq=False)
 class RegraspProblem:
-    """What stands are worth, and what they lead to, on the way of ``contacts`` into the goal grasp of ``side``.
+    """What stands are worth, and what they lead to, on the way of ``contacts`` into a grip that ``side`` takes for an end.
 
     ``is_simultaneous``: relocations next to a motion of the object are cheaper, for it will hide the finger's travel, and goal
     contacts may be taken before the object is at its end.  What counts as much as ``cost_limit`` is left out.
     """
 
     contacts: SiteContacts
-    side: GoalSide
+    side: End
     is_simultaneous: bool = False
     cost_limit: float = np.inf
     bound: RelocationBound = field(init=False)
@@ -53,7 +79,6 @@ class RegraspProblem:
     def __post_init__(self) -> None:
         self._layers, self._last = self.contacts.layers, self.contacts.layers.last
         self.bound = RelocationBound(self._layers, self.side.roots, self.is_simultaneous)
-        self._options = {self.side.still.label(stand): o for stand, o in self.side.options.items()}
 
     # -- what nodes are worth --------------------------------------------------------------------------------------------
 
@@ -152,11 +177,7 @@ class RegraspProblem:
 
     def is_goal(self, node: StandNode) -> bool:
         """Return whether the node's stand is a goal grasp, or one from which that is rolled into."""
-        return node.at.stop == self._last and self.side.still.label(node.grip) in self._options
-
-    def find_option(self, node: StandNode) -> RollPlan | None:
-        """Return how the goal grasp is rolled into from a goal node; None where it is the goal grasp itself."""
-        return self._options[self.side.still.label(node.grip)]
+        return node.at.stop == self._last and self.side.is_end(node.grip)
 
     def _check_carries(self, node: StandNode) -> Refusal | None:
         """Return why an object motion on the way to ``node`` cannot be, looked at closely."""

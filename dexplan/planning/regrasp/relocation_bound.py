@@ -9,6 +9,7 @@ along these places at all.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
@@ -27,10 +28,13 @@ class RelocationBound:
     """Lower bounds on the way through ``layers`` into one of the stands ``roots`` in the last of them.
 
     ``roots``: per stand of three contacts the pairs of fingers whose third can go to its contact last; a stand of two is its own.
+    None: any two contacts that hold are an end.
     ``is_early``: contacts of the roots may be taken in earlier poses, too, and carried on.
     """
 
-    def __init__(self, layers: Layers, roots: dict[Stand, list[Pair]], is_early: bool = False) -> None:
+    def __init__(
+        self, layers: Layers, roots: Mapping[Stand, list[Pair]] | None, is_early: bool = False
+    ) -> None:
         self._layers, self._roots, self._is_early = layers, roots, is_early
         self._count = len(layers.hand.fingers)
         self._pairs = list(combinations(range(self._count), 2))
@@ -46,7 +50,7 @@ class RelocationBound:
                     # What can be put down in one pose is still within reach in the next.
                     for pose in (layer, min(layer + 1, layers.last)):
                         self._within[pose][finger].add(self._number(layer, finger, spot))
-        self._ends = [self._numbers(layers.last, stand) for stand in roots]
+        self._ends = [self._numbers(layers.last, stand) for stand in roots or ()]
         for end in self._ends:
             for finger, number in end.items():
                 for within in self._within[0 if is_early else layers.last :]:
@@ -65,6 +69,8 @@ class RelocationBound:
         self._note(layer, stand)
         numbers = self._numbers(layer, stand)
         if (self._is_early or layer == self._layers.last) and numbers in self._ends:
+            return 0.0
+        if self._roots is None and layer == self._layers.last:
             return 0.0
         self._solve()
         found = self._distances[layer]
@@ -122,8 +128,9 @@ class RelocationBound:
         if self._stale < layers.last:
             later = self._distances[self._stale + 1]
         else:
-            later = {pair: np.full(rows.shape, NEVER) for pair, rows in holds.items()}
-            for end, pairs in zip(self._ends, self._roots.values(), strict=True):
+            # Any two that hold are an end, or none but the roots.
+            later = {pair: np.where(rows & (self._roots is None), 0.0, NEVER) for pair, rows in holds.items()}
+            for end, pairs in zip(self._ends, (self._roots or {}).values(), strict=True):
                 for a, b in pairs:
                     later[a, b][end[a], end[b]] = len(end) - 2.0
         for layer in range(self._stale, -1, -1):

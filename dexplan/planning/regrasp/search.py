@@ -120,7 +120,7 @@ class AdjustmentSearch:
         opened = self.opened - before
         if best is not None:
             self.chosen = trace_back(best)[0].origin
-            moves = build_moves(self._contacts, best, self.side.goal, self._problem.find_option(best))
+            moves = build_moves(self._contacts, best, self.side.goal, self.side.find_option(best.grip))
             return Adjustment(moves, opened=opened)
         refusal = self._dead_end or self.side.refusal or self._explain()
         if not self._engine.is_exhausted:
