@@ -1,0 +1,131 @@
+"""Both oracles answer the same questions, and what they promise holds; without symmetry gaits are found all the same."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from recheck import Recheck
+
+from dexplan.planning.actions.coordinated import center_spin
+from dexplan.planning.actions.joining import build_move_actions, enclose
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.oracle import Contacts, Landfall, Progress
+from dexplan.planning.contacts.orbit_contacts import OrbitContacts
+from dexplan.planning.contacts.site_contacts import SiteContacts
+from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.regrasp.any_grip import find_gait
+from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.plans.actions import count_placements
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion
+from dexplan.spatial import VERTICAL, Array, direction_from_angles
+
+START = (direction_from_angles(-38.0, 0.0), direction_from_angles(102.0, 0.0), None)
+ANGLE = float(np.radians(46.0))
+"""A whole number of stations, so that the last of them is where the leg ends."""
+FIRST = Progress(0, 0)
+
+
+@pytest.fixture(scope="module")
+def orbits(hand: HandModel) -> OrbitContacts:
+    table = ContactTable(hand, Leg(hand.object.X_WO_home, VERTICAL, ANGLE))
+    return OrbitContacts([table], Admissibility(hand))
+
+
+@pytest.fixture(scope="module")
+def sites(hand: HandModel) -> SiteContacts:
+    motion = ObjectMotion(hand.object.X_WO_home, VERTICAL, ANGLE, np.zeros(3))
+    return SiteContacts(Layers(hand, Admissibility(hand), motion))
+
+
+@pytest.fixture(params=["orbits", "sites"])
+def begun(request: pytest.FixtureRequest, hand: HandModel) -> tuple[Any, Any]:
+    """Return an oracle, and the start grip as it knows it."""
+    oracle = request.getfixturevalue(request.param)
+    if request.param == "orbits":
+        held = [oracle.tables[0].start_along(f, n) for f, n in enumerate(START) if n is not None]
+        return oracle, tuple(held)
+    first = oracle.layers.poses[0]
+    landed = [
+        None if n is None else build_landings(hand, first.X_WO, f, n[None])[0] for f, n in enumerate(START)
+    ]
+    return oracle, tuple(None if c is None else first.add(c) for c in landed)
+
+
+@pytest.mark.parametrize("oracle", [OrbitContacts, SiteContacts])
+def test_an_oracle_answers_every_question_of_the_protocol(oracle: type) -> None:
+    asked = {name: member for name, member in vars(Contacts).items() if inspect.isfunction(member)}
+    for name, question in asked.items():
+        if not name.startswith("_"):
+            answer = getattr(oracle, name)
+            assert list(inspect.signature(answer).parameters) == list(inspect.signature(question).parameters)
+    assert isinstance(vars(oracle)["hand"], property)
+
+
+def test_what_an_oracle_promises_holds(begun: tuple[Any, Any]) -> None:
+    oracle, grip = begun
+    assert oracle.list_touching(grip) == (0, 1)
+    assert oracle.judge(grip, FIRST).is_admissible
+    assert oracle.key_of(grip, FIRST) == oracle.key_of(grip, FIRST)
+    assert not oracle.list_rests(grip, FIRST)
+    reach = oracle.go(grip, FIRST)
+    assert reach.stops > 0
+    assert oracle.go(grip, FIRST, most=0).stops == 0
+    assert oracle.refuse_carry(grip, FIRST, reach.stops) is None
+    verdict = oracle.judge_carry(grip, FIRST, reach.stops)
+    assert verdict.refusal is None
+    assert verdict.margins["load"] > 0.0
+    # A carried contact stays where it is on the object, tip pose and all.
+    after = oracle.advance(grip, FIRST, reach.stops)
+    there = Progress(0, reach.stops)
+    assert oracle.judge(after, there).is_admissible
+    for before, now in zip(grip, after, strict=True):
+        if before is not None:
+            np.testing.assert_allclose(
+                oracle.place(now, there).X_OF, oracle.place(before, FIRST).X_OF, atol=1e-5
+            )
+
+
+def test_landings_hold_with_one_of_those_that_hold(begun: tuple[Any, Any]) -> None:
+    oracle, grip = begun
+    keep = grip[0]
+    found = oracle.land(0, [Landfall(2, keep, grip, 0)])[0]
+    assert found
+    for landing in found[:5]:
+        one, other = (oracle.place(touch, FIRST).normal_O for touch in (keep, landing.held))
+        assert one @ other < -0.5
+        assert landing.load < 2.0
+
+
+def land(hand: HandModel, goal: RotationGoal, start: tuple[Array | None, ...]) -> tuple[Any, ...]:
+    R_WO = goal.X_WO_start[:3, :3]
+    found = [
+        None if n is None else build_landings(hand, goal.X_WO_start, f, (R_WO.T @ n)[None])[0]
+        for f, n in enumerate(start)
+    ]
+    return tuple(None if c is None else center_spin(hand, c, goal.motion) for c in found)
+
+
+@pytest.mark.parametrize("angle_deg", [60.0, -150.0])
+def test_gaits_on_sites_stand_a_second_opinion_and_need_hardly_more(
+    hand: HandModel, angle_deg: float
+) -> None:
+    """The ball without its symmetry: the same turn, at most one placement more than on orbits."""
+    goal = RotationGoal(hand.object.X_WO_home, VERTICAL, float(np.radians(angle_deg)))
+    fast = plan_rotation(hand, goal, START, 2000)
+    assert fast.is_solved
+    start = land(hand, goal, START)
+    found = find_gait(hand, Admissibility(hand), goal.motion, start, 400)
+    assert found.moves is not None, str(found.refusal)
+    actions = build_move_actions(found.moves, start, goal.axis_W)
+    plan = replace(fast, start_contacts=start, actions=enclose(actions, start, goal.X_WO_start, goal.axis_W))
+    assert Recheck(hand, plan).faults == []
+    assert count_placements(plan.actions) <= count_placements(fast.actions) + 1
