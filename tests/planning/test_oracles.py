@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from recheck import Recheck
 
-from dexplan.planning.actions.coordinated import center_spin
-from dexplan.planning.actions.joining import build_move_actions, enclose
+from dexplan import pipeline
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.contact_table import ContactTable
@@ -21,12 +19,15 @@ from dexplan.planning.contacts.oracle import Contacts, Landfall, Progress
 from dexplan.planning.contacts.orbit_contacts import OrbitContacts
 from dexplan.planning.contacts.site_contacts import SiteContacts
 from dexplan.planning.contacts.still import build_landings
-from dexplan.planning.regrasp.any_grip import find_gait
+from dexplan.planning.contacts.track import Track
 from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.planning.tasks.on_sites import plan_rotation_on_sites
 from dexplan.plans.actions import count_placements
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
-from dexplan.spatial import VERTICAL, Array, direction_from_angles
+from dexplan.plans.status import Status
+from dexplan.problems.read import load_problem
+from dexplan.spatial import VERTICAL, direction_from_angles
 
 START = (direction_from_angles(-38.0, 0.0), direction_from_angles(102.0, 0.0), None)
 ANGLE = float(np.radians(46.0))
@@ -43,7 +44,7 @@ def orbits(hand: HandModel) -> OrbitContacts:
 @pytest.fixture(scope="module")
 def sites(hand: HandModel) -> SiteContacts:
     motion = ObjectMotion(hand.object.X_WO_home, VERTICAL, ANGLE, np.zeros(3))
-    return SiteContacts(Layers(hand, Admissibility(hand), motion))
+    return SiteContacts(Layers(hand, Admissibility(hand), Track((motion,))))
 
 
 @pytest.fixture(params=["orbits", "sites"])
@@ -105,27 +106,38 @@ def test_landings_hold_with_one_of_those_that_hold(begun: tuple[Any, Any]) -> No
         assert landing.load < 2.0
 
 
-def land(hand: HandModel, goal: RotationGoal, start: tuple[Array | None, ...]) -> tuple[Any, ...]:
-    R_WO = goal.X_WO_start[:3, :3]
-    found = [
-        None if n is None else build_landings(hand, goal.X_WO_start, f, (R_WO.T @ n)[None])[0]
-        for f, n in enumerate(start)
-    ]
-    return tuple(None if c is None else center_spin(hand, c, goal.motion) for c in found)
-
-
 @pytest.mark.parametrize("angle_deg", [60.0, -150.0])
-def test_gaits_on_sites_stand_a_second_opinion_and_need_hardly_more(
-    hand: HandModel, angle_deg: float
-) -> None:
+def test_gaits_on_sites_need_hardly_more(hand: HandModel, angle_deg: float) -> None:
     """The ball without its symmetry: the same turn, at most one placement more than on orbits."""
     goal = RotationGoal(hand.object.X_WO_home, VERTICAL, float(np.radians(angle_deg)))
-    fast = plan_rotation(hand, goal, START, 2000)
+    fast, slow = plan_rotation(hand, goal, START, 2000), plan_rotation_on_sites(hand, goal, START, 400)
     assert fast.is_solved
-    start = land(hand, goal, START)
-    found = find_gait(hand, Admissibility(hand), goal.motion, start, 400)
-    assert found.moves is not None, str(found.refusal)
-    actions = build_move_actions(found.moves, start, goal.axis_W)
-    plan = replace(fast, start_contacts=start, actions=enclose(actions, start, goal.X_WO_start, goal.axis_W))
+    assert slow.is_solved, slow.reason
+    assert Recheck(hand, slow).faults == []
+    assert count_placements(slow.actions) <= count_placements(fast.actions) + 1
+
+
+@pytest.mark.parametrize("name", ["any_attitude", "fig4_substitution", "shelf"])
+def test_problems_are_solved_without_the_fast_path(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Built-in problems, orbits out of the way: solved all the same, and sound to a second opinion."""
+    asked: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(pipeline, "plan_object_manipulation", lambda *given: asked.append(given))
+    monkeypatch.setattr(OrbitContacts, "go", None)
+    problem = load_problem(name)
+    pipeline._find_plan(
+        problem,
+        pipeline.build_scene(problem),
+        hand := pipeline.build_hand(problem, pipeline.build_scene(problem)),
+    )
+    _, goal, start, *_ = asked[0]
+    plan = plan_rotation_on_sites(hand, goal, start, 600)
+    assert plan.is_solved, plan.reason
     assert Recheck(hand, plan).faults == []
-    assert count_placements(plan.actions) <= count_placements(fast.actions) + 1
+
+
+def test_a_start_out_of_reach_is_refused_as_on_orbits(hand: HandModel) -> None:
+    goal = RotationGoal(hand.object.X_WO_home, VERTICAL, 1.0)
+    start = (direction_from_angles(180.0, 0.0), direction_from_angles(0.0, 0.0), None)
+    plans = [plan_rotation(hand, goal, start, 100), plan_rotation_on_sites(hand, goal, start, 100)]
+    assert [plan.status for plan in plans] == [Status.START_UNREACHABLE] * 2
+    assert not plan_rotation_on_sites(hand, goal, START, 1).is_solved

@@ -12,6 +12,7 @@
 ``held``            contacts of such a table, and questions to it
 ``stops``           what ends the motion that a contact is carried through
 ``still``           ``StillContacts``: contacts around an object that stands still, of any place and posture
+``track``           ``Track``: the object's way, with stops at which fingers may be relocated
 ``layers``          ``Layers``: the same at every one of several poses, and how contacts are carried on
 ==================  =======================================================================================
 
@@ -32,4 +33,5 @@ __all__ = [
     "states",
     "still",
     "stops",
+    "track",
 ]

@@ -12,12 +12,11 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.contacts.oracle import Verdict
 from dexplan.planning.contacts.still import Stand, StillContacts
+from dexplan.planning.contacts.track import Track
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal
 from dexplan.spatial import Array
 
-LAYER_ANGLE, LAYER_SHIFT = float(np.radians(12.0)), 6e-3
-"""Poses at which fingers may be relocated are at most so far apart [rad, m]."""
 SLACK = 1.02
 """The quick answer searches on a grid: a pair does not hold for sure only beyond this."""
 
@@ -36,22 +35,18 @@ class CarriedSpot:
 
 @dataclass(eq=False)
 class Layers:
-    """The contacts at every one of the poses on the object's ``motion``; one pose where it stands still."""
+    """The contacts at every stop of the object's ``track``; one pose where it stands still."""
 
     hand: HandModel
     admissibility: Admissibility
-    motion: ObjectMotion
+    track: Track
     poses: list[StillContacts] = field(default_factory=list)
     _promises: dict[tuple[int, int, int], Array] = field(default_factory=dict)
     _carried: dict[tuple[int, int], CarriedSpot] = field(default_factory=dict)
     _verdicts: dict[tuple[int, Stand, bool], Verdict] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        turns = abs(self.motion.angle) / LAYER_ANGLE
-        shifts = float(np.linalg.norm(self.motion.shift_W)) / LAYER_SHIFT
-        count = int(np.ceil(max(turns, shifts) - 1e-9))
-        poses = self.motion.poses(count + 1) if count else self.motion.X_WO_start[None]
-        self.poses = [StillContacts(self.hand, X, self.admissibility) for X in poses]
+        self.poses = [StillContacts(self.hand, X, self.admissibility) for X in self.track.poses]
 
     @property
     def last(self) -> int:
@@ -60,7 +55,7 @@ class Layers:
 
     def step(self, layer: int) -> ObjectMotion:
         """Return the motion from a pose to the next."""
-        return self.motion.part(layer / self.last, (layer + 1) / self.last)
+        return self.track.steps[layer]
 
     def carry(self, layer: int, spot: int) -> CarriedSpot:
         """Return where in the next layer a contact is carried to."""

@@ -2,9 +2,10 @@
 
 ===============  =================================================================
 ``search``       ``AdjustmentSearch``: from one of several grasps to a goal grasp
+``any_grip``     ``SiteGait``: a gait without any symmetry of the object
 ``goal_side``    the goal grasp seen from behind
 ``moves``        what such a search answers with
 ===============  =================================================================
 """
 
-__all__ = ["goal_side", "moves", "search"]
+__all__ = ["any_grip", "goal_side", "moves", "search"]

@@ -14,15 +14,15 @@ from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.oracle import Progress
 from dexplan.planning.contacts.site_contacts import SiteContacts
 from dexplan.planning.contacts.still import Stand, StillContacts
+from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.build import build_moves
-from dexplan.planning.regrasp.moves import Adjustment
+from dexplan.planning.regrasp.moves import Move
 from dexplan.planning.regrasp.problem import RegraspProblem
 from dexplan.planning.regrasp.relocation_bound import Pair
 from dexplan.planning.regrasp.search import PATIENCE
 from dexplan.planning.search.engine import Engine
 from dexplan.planning.search.nodes import Node
 from dexplan.plans.contacts import Contacts
-from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal, RefusalKind
 
 START = Progress(0, 0)
@@ -41,18 +41,34 @@ class AnyGrip:
         return True
 
 
-def find_gait(
-    hand: HandModel, admissibility: Admissibility, motion: ObjectMotion, start: Contacts, nodes: int
-) -> Adjustment:
-    """Return the moves that take the object through ``motion`` from the contacts ``start``, or what stopped the search."""
-    layers = Layers(hand, admissibility, motion)
-    contacts = SiteContacts(layers)
-    engine = Engine(RegraspProblem(contacts, AnyGrip(layers.poses[-1])), PATIENCE)
-    stand = tuple(None if c is None else layers.poses[0].add(c) for c in start)
-    engine.push(Node(START, stand))
-    last = engine.run(nodes)
-    if last is not None:
-        nothing: Contacts = (None,) * len(hand.fingers)
-        return Adjustment(build_moves(contacts, last, nothing, None), opened=engine.opened)
-    refusal = next(iter(engine.list_refusals(1)), Refusal(RefusalKind.NO_PLACE))
-    return Adjustment(None, refusal, engine.opened, engine.is_exhausted)
+class SiteGait:
+    """Searches moves that take the object along a ``track`` from the contacts ``start``; can be asked to go on."""
+
+    def __init__(self, hand: HandModel, admissibility: Admissibility, track: Track, start: Contacts) -> None:
+        layers = Layers(hand, admissibility, track)
+        self.start, self._contacts = start, SiteContacts(layers)
+        self._engine = Engine(RegraspProblem(self._contacts, AnyGrip(layers.poses[-1])), PATIENCE)
+        stand = tuple(None if c is None else layers.poses[0].add(c) for c in start)
+        self._engine.push(Node(START, stand))
+
+    @property
+    def opened(self) -> int:
+        """Number of nodes opened."""
+        return self._engine.opened
+
+    @property
+    def is_exhausted(self) -> bool:
+        """Whether there is nothing left to open."""
+        return self._engine.is_exhausted
+
+    def run(self, nodes: int) -> tuple[Move, ...] | None:
+        """Open up to ``nodes`` more nodes; return the moves to the end of the track, None where that was not come to."""
+        last = self._engine.run(nodes)
+        if last is None:
+            return None
+        nothing: Contacts = (None,) * len(self._contacts.hand.fingers)
+        return build_moves(self._contacts, last, nothing, None)
+
+    def explain(self) -> Refusal:
+        """Return what stopped the search nearest to the end."""
+        return next(iter(self._engine.list_refusals(1)), Refusal(RefusalKind.NO_PLACE))

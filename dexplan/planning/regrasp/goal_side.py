@@ -15,6 +15,7 @@ from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.still import Labels, Stand, StillContacts, change_stand
+from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.relocation_bound import Pair, RelocationBound
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair
@@ -131,6 +132,6 @@ class GoalSide:
 
     @property
     def _layers(self) -> Layers:
-        layers = Layers(self.hand, self.admissibility, rest_at(self.X_WO))
+        layers = Layers(self.hand, self.admissibility, Track((rest_at(self.X_WO),)))
         layers.poses = [self.still]
         return layers

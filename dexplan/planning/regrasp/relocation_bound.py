@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.planning.contacts.layers import Layers
-from dexplan.planning.contacts.still import Stand
+from dexplan.planning.contacts.still import Stand, build_landings
 from dexplan.spatial import Array
 
 NEVER = np.inf
@@ -91,8 +91,19 @@ class RelocationBound:
         for finger, number in self._numbers(layer, stand).items():
             if number not in self._within[layer][finger]:
                 self._stale = self._layers.last
-                for within in self._within[layer:]:
-                    within[finger].add(number)
+                for pose in range(layer, self._layers.last + 1):
+                    if pose == layer or self._may_reach(pose, finger, number):
+                        self._within[pose][finger].add(number)
+
+    def _may_reach(self, pose: int, finger: int, number: int) -> bool:
+        """Return whether a contact that is on no grid may be within reach at a later pose.
+
+        On the way to a given grip, which is short, it may; on the way to any grip this decides how far one goes, and is asked.
+        """
+        if self._roots is not None:
+            return True
+        X_WO, normal = self._layers.poses[pose].X_WO, self._normals[finger][number]
+        return build_landings(self._layers.hand, X_WO, finger, normal[None])[0] is not None
 
     def _numbers(self, layer: int, stand: Stand) -> dict[int, int]:
         """Return per finger that touches the number of its contact's direction."""

@@ -13,6 +13,7 @@ import numpy as np
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.oracle import Progress
 from dexplan.planning.contacts.site_contacts import SiteContacts
+from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.build import build_moves
 from dexplan.planning.regrasp.goal_side import OPTIONS, GoalSide
 from dexplan.planning.regrasp.moves import Adjustment, Move, is_same
@@ -63,7 +64,7 @@ class AdjustmentSearch:
         is_simultaneous: bool = False,
     ) -> AdjustmentSearch:
         """Return a search along the ``motion`` that leads to the goal's pose."""
-        layers = Layers(side.hand, side.admissibility, motion)
+        layers = Layers(side.hand, side.admissibility, Track((motion,)))
         layers.poses[-1] = side.still
         return cls(layers, is_simultaneous, side=side, known_rolls=known_rolls)
 

@@ -241,7 +241,7 @@ class Stages:
         weights, moves = self.task.options.improvement.weights, search.count_moves(end.contacts)
         if not np.isfinite(moves):
             return 0.0
-        ahead = weights.placement * np.ceil(0.5 * moves) + weights.turn * abs(search.layers.motion.angle)
+        ahead = weights.placement * np.ceil(0.5 * moves) + weights.turn * search.layers.track.turned
         return float(compute_actions_cost(weights, end.actions) + ahead)
 
     def _ask(self, ends: Ends, number: int, limit: float, depth: int) -> End | None:
