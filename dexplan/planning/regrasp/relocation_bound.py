@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.still import Stand, build_landings
+from dexplan.plans.contacts import Placement
 from dexplan.spatial import Array
 
 NEVER = np.inf
@@ -38,7 +39,7 @@ class RelocationBound:
         self._layers, self._roots, self._is_early = layers, roots, is_early
         self._count = len(layers.hand.fingers)
         self._pairs = list(combinations(range(self._count), 2))
-        self._normals: list[list[Array]] = [[] for _ in range(self._count)]
+        self._contacts: list[list[Placement]] = [[] for _ in range(self._count)]
         self._index: list[dict[bytes, int]] = [{} for _ in range(self._count)]
         self._within: list[list[set[int]]] = [[set() for _ in range(self._count)] for _ in layers.poses]
         self._dead: set[tuple[int, Pair, int, int]] = set()
@@ -102,19 +103,19 @@ class RelocationBound:
         """
         if self._roots is not None:
             return True
-        X_WO, normal = self._layers.poses[pose].X_WO, self._normals[finger][number]
-        return build_landings(self._layers.hand, X_WO, finger, normal[None])[0] is not None
+        X_WO, contact = self._layers.poses[pose].X_WO, self._contacts[finger][number]
+        return build_landings(self._layers.hand, X_WO, finger, contact.normal_O[None])[0] is not None
 
     def _numbers(self, layer: int, stand: Stand) -> dict[int, int]:
-        """Return per finger that touches the number of its contact's direction."""
+        """Return per finger that touches the number of its contact's place."""
         return {f: self._number(layer, f, s) for f, s in enumerate(stand) if s is not None}
 
     def _number(self, layer: int, finger: int, spot: int) -> int:
-        normal = self._layers.poses[layer].spots[spot].normal_O
-        known, key = self._index[finger], normal.tobytes()
+        contact = self._layers.poses[layer].spots[spot]
+        known, key = self._index[finger], contact.point_O.tobytes()
         if key not in known:
             known[key] = len(known)
-            self._normals[finger].append(normal)
+            self._contacts[finger].append(contact)
             self._stale = self._layers.last
         return known[key]
 
@@ -123,11 +124,9 @@ class RelocationBound:
         if self._stale < 0:
             return
         layers, hand = self._layers, self._layers.hand
-        normals = [np.array(rows).reshape(-1, 3) for rows in self._normals]
-        centers = [
-            hand.object.surface.radial(n) + f.tip_radius * n
-            for n, f in zip(normals, hand.fingers, strict=True)
-        ]
+        normals = [np.array([c.normal_O for c in rows]).reshape(-1, 3) for rows in self._contacts]
+        points = [np.array([c.point_O for c in rows]).reshape(-1, 3) for rows in self._contacts]
+        centers = [p + f.tip_radius * n for p, n, f in zip(points, normals, hand.fingers, strict=True)]
         opposite = layers.poses[-1].opposite
         is_apart: dict[Pair, Bools] = {}
         holds: dict[Pair, Bools] = {}

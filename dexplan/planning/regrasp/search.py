@@ -16,11 +16,11 @@ from dexplan.planning.contacts.site_contacts import SiteContacts
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.build import build_moves
 from dexplan.planning.regrasp.goal_side import OPTIONS, GoalSide
-from dexplan.planning.regrasp.moves import Adjustment, Move, is_same
+from dexplan.planning.regrasp.moves import Adjustment, Move, is_same, is_same_place
 from dexplan.planning.regrasp.problem import RegraspProblem, StandNode
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.rolling.roll_gait import RollPlan
-from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
+from dexplan.planning.rolling.roll_to_goal import RollEveryPair, roll_all_the_way
 from dexplan.planning.search.engine import Engine, Patience
 from dexplan.planning.search.moves import RollTo
 from dexplan.planning.search.nodes import Node, trace_back
@@ -153,7 +153,7 @@ class AdjustmentSearch:
     def _name(self, contact: Placement) -> int | None:
         """Return the label of a contact: a finger may stand at its goal contact already."""
         goal = self.side.goal[contact.finger]
-        is_there = goal is not None and measure_angle(goal.normal_O, contact.normal_O) < 1e-6
+        is_there = goal is not None and is_same_place(goal, contact)
         return 0 if is_there else None
 
     def _unroll(self, X_WO: Array, start: Contacts) -> tuple[list[RollPlan], Refusal | None]:
