@@ -6,6 +6,7 @@
 ``problem``     what poses a problem to the engine: what nodes are worth, are refused for, lead to
 ``cost``        what makes a plan better than another one
 ``options``     what users set
+``stepwise``    ``StepProblem``: one move at a time, over any contacts, on to a grip that counts as an end
 ``engine``      ``Engine``: opens nodes, the most promising first, judges them when their turn comes
 ==============  ====================================================================================
 
@@ -14,6 +15,6 @@ Nothing here knows how many fingers there are, how many joints they have, or wha
 
 from dexplan.moved import forward
 
-__all__ = ["cost", "engine", "moves", "nodes", "options", "problem"]
+__all__ = ["cost", "engine", "moves", "nodes", "options", "problem", "stepwise"]
 
 __getattr__ = forward(__name__, ["dexplan.planning.gait.search"])
