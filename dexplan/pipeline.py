@@ -29,6 +29,7 @@ from dexplan.control.reference import build_reference
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.planning.actions import schedule
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.blocked import find_obstruction
 from dexplan.planning.tasks.dextrous_manipulation import plan_dextrous_manipulation
 from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
@@ -96,25 +97,23 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
     if no := find_obstruction(hand, waiting):
         return replace(refuse(hand, goal, no.status, no.reason, no.refusal), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
+    options = SearchOptions(*means, build_improvement(problem))
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
     if asked.contacts_deg is None:
-        return plan_object_manipulation(hand, goal, start, *means, build_improvement(problem))
+        return plan_object_manipulation(hand, goal, start, *means, options.improvement)
     wanted = compute_contact_directions(asked.contacts_deg)
     if asked.kind == "grasp_adjustment":
-        return plan_grasp_adjustment(
-            hand, X_WO, start, wanted, *means, asked.keep_object, build_improvement(problem)
-        )
+        return plan_grasp_adjustment(hand, X_WO, start, wanted, options, asked.keep_object)
     timing = build_timing(problem)
     return plan_dextrous_manipulation(
         hand,
         goal,
         start,
         wanted,
-        *means,
+        options,
         order=asked.order,
         compute_duration=lambda found: schedule.time_plan(found, scene.fingers, timing).duration,
-        improvement=build_improvement(problem),
     )
 
 
