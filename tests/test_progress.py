@@ -146,3 +146,5 @@ def test_a_run_says_where_its_files_are(
     assert main(["run", "hold_two"]) == 0
     names = "problem.toml, plan.json, model.xml, trace.npz, report.json"
     assert f"written to runs/hold_two: {names}" in capsys.readouterr().out.splitlines()
+    assert main(["validate", "runs/hold_two"]) == 0
+    assert "written to runs/hold_two: report.json" in capsys.readouterr().out.splitlines()

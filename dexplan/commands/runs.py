@@ -90,8 +90,11 @@ def validate(folder: Path) -> int:
         else:
             is_news = _read_verdict(folder) != report.summary_line()
             report.save(path)
+            written = "report.json"
             if is_news and run_folder.is_ours(folder / "summary.png"):
                 pipeline.draw_run(folder, problem, plan, trace, report)
+                written += ", summary.png"
+            say(f"written to {folder}: {written}")
     except (KeyError, ValueError) as error:
         # A record may lack what only the figure shows, or hold no numbers there; it is judged all the same.
         note(f"summary.png is left as it was (not to be drawn from this trace: {error})")
