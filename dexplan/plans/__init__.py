@@ -33,6 +33,7 @@ __all__ = [
     "plan",
     "poses",
     "refusal",
+    "runner_up",
     "speed",
     "status",
     "timing",

@@ -39,7 +39,8 @@ def explain_action(fingers: Sequence[str], action: Action, before: Contacts) -> 
             text = f"{action.name} {fingers[action.finger]}{where} while {holders} hold"
         case Hold():
             text = f"hold with {holders}"
-    return f"{text}: {action.why}"
+    other = action.runner_up if isinstance(action, Relocate) else None
+    return f"{text}: {action.why}" + ("" if other is None else f" [runner-up: {other}]")
 
 
 def describe_motion(motion: ObjectMotion) -> str:
