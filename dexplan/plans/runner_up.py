@@ -45,7 +45,7 @@ class RunnerUp:
         az, el = angles_from_direction(self.normal_W)
         who = f"finger {self.finger + 1} at azimuth {az:.1f}, elevation {el:.1f} deg (world)"
         if self.refusal is not None:
-            return f"{who} cannot: {self.refusal.without_numbers}"
+            return f"{who} cannot: {self.refusal}"
         if self.extra >= NOTABLE:
             return f"{who} has a way that counts {self.extra:.0f} placements more"
         if self.missing - self.missing_here >= NOTABLE:

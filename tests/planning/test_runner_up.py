@@ -20,7 +20,7 @@ WORDS = {
     "uses 0.93 of the believed cone, this one 0.50": {"used": 0.93},
     "has a way that counts 2 placements more": {"extra": 2.0},
     "cannot: a joint of finger_3 comes near its limit": {
-        "refusal": Refusal(RefusalKind.JOINT_LIMIT, ("finger_3",), 0.01)
+        "refusal": Refusal(RefusalKind.JOINT_LIMIT, ("finger_3",))
     },
 }
 

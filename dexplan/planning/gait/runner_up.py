@@ -39,7 +39,7 @@ def find_runner_up(
         return RunnerUp(
             there[0],
             there[1],
-            rival.refusal,
+            None if rival.refusal is None else rival.refusal.without_numbers,
             known_bound(other),
             known_bound(node),
             other.strain,
