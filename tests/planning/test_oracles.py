@@ -13,6 +13,7 @@ from dexplan import pipeline
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.contacts.oracle import Contacts, Landfall, Progress
@@ -20,6 +21,11 @@ from dexplan.planning.contacts.orbit_contacts import OrbitContacts
 from dexplan.planning.contacts.site_contacts import SiteContacts
 from dexplan.planning.contacts.still import build_landings
 from dexplan.planning.contacts.track import Track
+from dexplan.planning.regrasp.ends import AnyEnd
+from dexplan.planning.search.engine import Engine, Patience
+from dexplan.planning.search.moves import Go, Place
+from dexplan.planning.search.nodes import Node, trace_back
+from dexplan.planning.search.stepwise import StepProblem
 from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.planning.tasks.on_sites import plan_rotation_on_sites
 from dexplan.plans.actions import count_placements
@@ -104,6 +110,45 @@ def test_landings_hold_with_one_of_those_that_hold(begun: tuple[Any, Any]) -> No
         one, other = (oracle.place(touch, FIRST).normal_O for touch in (keep, landing.held))
         assert one @ other < -0.5
         assert landing.load < 2.0
+
+
+class Runs:
+    """A bound for contacts on orbits: how often what is left of a turn uses up a contact of so many stations."""
+
+    run = 45
+
+    def __init__(self, orbits: OrbitContacts) -> None:
+        self._stations = orbits.count_stops(0)
+
+    def count_moves(self, stop: int, grip: tuple[Held, ...]) -> float:
+        ahead, (short, long) = self._stations - stop, sorted(h.left for h in grip)[-2:]
+        missing = 0.6 + 0.5 * (ahead - short + max(0, ahead - long)) / self.run if ahead > short else 0.0
+        return 2.0 * missing + (len(grip) > 2)
+
+    def refuse(self, stop: int, grip: tuple[Held, ...]) -> None:
+        """Nothing is learnt."""
+
+
+def test_one_problem_serves_both_oracles(hand: HandModel) -> None:
+    """Moves one at a time, on orbits as on sites: a turn of 150 degrees, every carry and every grip of it judged exactly."""
+    orbits = OrbitContacts(
+        [ContactTable(hand, Leg(hand.object.X_WO_home, VERTICAL, float(np.radians(150.0))))],
+        Admissibility(hand),
+    )
+    held = [orbits.tables[0].start_along(f, n) for f, n in enumerate(START) if n is not None]
+    shares = (1.0, 0.85, 0.7, 0.5, 0.3)
+    problem = StepProblem(orbits, AnyEnd(), Runs(orbits), shares=shares, stop_cost=0.05)
+    engine = Engine(problem, Patience(0.5, 0.5))
+    engine.push(Node(FIRST, tuple(h for h in held if h is not None)))
+    last = engine.run(100)
+    assert last is not None
+    way = trace_back(last)
+    assert sum(go.stops for node in way if (go := node.find_move(Go)) is not None) == orbits.count_stops(0)
+    assert 0 < sum(node.find_move(Place) is not None for node in way) <= 3
+    for node in way:
+        row = orbits.judge(node.grip, node.at)
+        assert row.is_admissible
+        assert len(orbits.list_touching(node.grip)) >= 2
 
 
 @pytest.mark.parametrize("angle_deg", [60.0, -150.0])

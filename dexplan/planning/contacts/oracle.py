@@ -102,8 +102,16 @@ class Contacts(Protocol[Grip, Touch]):
         """The hand whose fingers these are."""
         ...
 
+    def count_stops(self, stretch: int) -> int:
+        """Return the number of a stretch's last stop; the first is 0."""
+        ...
+
     def list_touching(self, grip: Grip) -> tuple[int, ...]:
         """Return the fingers that touch."""
+        ...
+
+    def change(self, grip: Grip, finger: int, touch: Touch | None) -> Grip:
+        """Return the grip with a finger at another contact, or, None, at none."""
         ...
 
     def land(self, stretch: int, asked: Sequence[Landfall[Grip, Touch]]) -> list[list[Landing[Touch]]]:

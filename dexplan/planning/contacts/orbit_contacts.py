@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -54,13 +54,27 @@ class OrbitContacts:
         """Number of states looked at."""
         return sum(checks.count for checks in self.checks)
 
+    def count_stops(self, stretch: int) -> int:
+        """Return how many stations a leg has; the last is its end."""
+        return self.tables[stretch].stations
+
     def list_touching(self, grip: Holding) -> tuple[int, ...]:
         """Return the fingers that touch."""
         return tuple(h.finger for h in grip)
 
+    def change(self, grip: Holding, finger: int, touch: Held | None) -> Holding:
+        """Return the grip with a finger at another contact, or, None, at none."""
+        rest = tuple(h for h in grip if h.finger != finger)
+        return rest if touch is None else (*rest, touch)
+
     def land(self, stretch: int, asked: Sequence[OrbitLandfall]) -> list[list[Landing[Held]]]:
-        """Return for each of ``asked`` the most promising places to land that hold with the finger kept and clear all others."""
-        return find_landings_on(self.tables[stretch], asked)
+        """Return for each of ``asked`` the most promising places to land that hold with the finger kept and clear all others.
+
+        Where any of those that hold will do, the best with each of them.
+        """
+        kept = [[one] if one.keep is not None else [replace(one, keep=h) for h in one.held] for one in asked]
+        found = iter(find_landings_on(self.tables[stretch], [one for each in kept for one in each]))
+        return [[landing for _ in each for landing in next(found)] for each in kept]
 
     def go(self, grip: Holding, at: Progress, most: int | None = None) -> Reach:
         """Return how far along a leg a grip can take the object; every ``STRIDE``-th station is looked at, and the last."""

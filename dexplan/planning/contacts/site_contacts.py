@@ -37,9 +37,17 @@ class SiteContacts:
         """The hand whose fingers these are."""
         return self.layers.hand
 
+    def count_stops(self, stretch: int) -> int:
+        """Return the number of the last pose."""
+        return self.layers.last
+
     def list_touching(self, grip: Stand) -> tuple[int, ...]:
         """Return the fingers that touch."""
         return tuple(f for f, spot in enumerate(grip) if spot is not None)
+
+    def change(self, grip: Stand, finger: int, touch: int | None) -> Stand:
+        """Return the stand with a finger on another spot, or, None, free."""
+        return change_stand(grip, finger, touch)
 
     def land(self, stretch: int, asked: Sequence[SiteLandfall]) -> list[list[Landing[int]]]:
         """Return for each of ``asked`` the places all over the object that hold with one of those that hold already.

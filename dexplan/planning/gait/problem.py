@@ -125,7 +125,7 @@ class GaitProblem:
 
     def _ends_leg(self, node: GaitNode, reach: Reach) -> bool:
         """Return whether the node's grip takes the object to the end of its leg, all stations looked at."""
-        missing = self.contacts.tables[node.at.stretch].stations - node.at.stop
+        missing = self.contacts.count_stops(node.at.stretch) - node.at.stop
         return reach.stops >= missing and not self.contacts.refuse_carry(node.grip, node.at, missing)
 
     def _enter_next_leg(self, node: GaitNode) -> GaitNode | Refusal | None:
@@ -133,7 +133,7 @@ class GaitProblem:
         stretch = node.at.stretch
         if stretch + 1 == len(self.contacts.tables):
             return None
-        moved = self.contacts.tables[stretch].stations - node.at.stop
+        moved = self.contacts.count_stops(stretch) - node.at.stop
         held = self.contacts.enter(node.grip, node.at, moved)
         if isinstance(held, Refusal):
             return held
@@ -161,7 +161,7 @@ class GaitProblem:
     def list_motions(self, way: list[GaitNode]) -> list[int]:
         """Return the stations moved with the grip of each node of a way, the last one moving to the goal."""
         gone = [0 if (go := node.find_move(Go)) is None else go.stops for node in way[1:]]
-        return [*gone, self.contacts.tables[-1].stations - way[-1].at.stop]
+        return [*gone, self.contacts.count_stops(-1) - way[-1].at.stop]
 
     def _exchange(self, node: GaitNode, reach: Reach) -> tuple[list[GaitNode], list[Refused]]:
         """Return the nodes in which fingers have been exchanged, at the end of the node's reach or before, and refusals."""
@@ -170,7 +170,7 @@ class GaitProblem:
         asked: list[tuple[int, Held, Landfall[Holding, Held]]] = []
         for turn in sorted({round(share * reach.stops) for share in TURNS}, reverse=True):
             held, at = contacts.advance(node.grip, node.at, turn), Progress(stretch, node.at.stop + turn)
-            if at.stop >= table.stations:
+            if at.stop >= contacts.count_stops(stretch):
                 continue  # the leg ends here; what comes next is the next leg's business
             if len(held) > 2:
                 children += [

@@ -5,40 +5,24 @@ Slower than a gait on orbits, which serves bodies that look the same all around 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.oracle import Progress
 from dexplan.planning.contacts.site_contacts import SiteContacts
-from dexplan.planning.contacts.still import Stand, StillContacts
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.build import build_moves
+from dexplan.planning.regrasp.ends import AnyEnd
 from dexplan.planning.regrasp.moves import Move
-from dexplan.planning.regrasp.problem import RegraspProblem
-from dexplan.planning.regrasp.relocation_bound import Pair
+from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.search import PATIENCE
 from dexplan.planning.search.engine import Engine
 from dexplan.planning.search.nodes import Node
+from dexplan.planning.search.stepwise import StepProblem
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.refusal import Refusal, RefusalKind
 
 START = Progress(0, 0)
-
-
-@dataclass(frozen=True, eq=False)
-class AnyGrip:
-    """The end of a way on which any grip will do; ``still`` are the contacts there."""
-
-    still: StillContacts
-    roots: Mapping[Stand, list[Pair]] | None = None
-    wanted: Mapping[int, list[int]] = field(default_factory=dict)
-
-    def is_end(self, stand: Stand) -> bool:
-        """Return that it is one."""
-        return True
 
 
 class SiteGait:
@@ -47,7 +31,7 @@ class SiteGait:
     def __init__(self, hand: HandModel, admissibility: Admissibility, track: Track, start: Contacts) -> None:
         layers = Layers(hand, admissibility, track)
         self.start, self._contacts = start, SiteContacts(layers)
-        self._engine = Engine(RegraspProblem(self._contacts, AnyGrip(layers.poses[-1])), PATIENCE)
+        self._engine = Engine(StepProblem(self._contacts, AnyEnd(), RelocationBound(layers, None)), PATIENCE)
         stand = tuple(None if c is None else layers.poses[0].add(c) for c in start)
         self._engine.push(Node(START, stand))
 

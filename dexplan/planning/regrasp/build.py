@@ -5,17 +5,17 @@ from __future__ import annotations
 from itertools import pairwise
 
 from dexplan.planning.contacts.site_contacts import SiteContacts
+from dexplan.planning.contacts.still import Stand
 from dexplan.planning.regrasp.moves import Move, reverse_roll
-from dexplan.planning.regrasp.problem import StandNode
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.search.moves import Go, Lift, Place, RollTo
-from dexplan.planning.search.nodes import trace_back
+from dexplan.planning.search.nodes import Node, trace_back
 from dexplan.planning.ways.travel import describe_detour
 from dexplan.plans.contacts import Contacts
 
 
 def build_moves(
-    contacts: SiteContacts, last: StandNode, goal: Contacts, option: RollPlan | None
+    contacts: SiteContacts, last: Node[Stand], goal: Contacts, option: RollPlan | None
 ) -> tuple[Move, ...]:
     """Return the moves on the way to ``last``, and the roll into the ``goal`` contacts from there if there is an ``option``."""
     way, poses = trace_back(last), contacts.layers.poses
@@ -34,7 +34,7 @@ def build_moves(
     return tuple(moves)
 
 
-def _build_move(contacts: SiteContacts, before: StandNode, node: StandNode) -> Move:
+def _build_move(contacts: SiteContacts, before: Node[Stand], node: Node[Stand]) -> Move:
     """Return the one move by which ``node`` was come to."""
     still = contacts.layers.poses[node.at.stop]
     after, margins = still.placements(node.grip), node.arrival.margins

@@ -13,17 +13,19 @@ import numpy as np
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.oracle import Progress
 from dexplan.planning.contacts.site_contacts import SiteContacts
+from dexplan.planning.contacts.still import Stand
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.build import build_moves
+from dexplan.planning.regrasp.ends import GoalEnd
 from dexplan.planning.regrasp.goal_side import OPTIONS, GoalSide
 from dexplan.planning.regrasp.moves import Adjustment, Move, is_same, is_same_place
-from dexplan.planning.regrasp.problem import RegraspProblem, StandNode
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, roll_all_the_way
 from dexplan.planning.search.engine import Engine, Patience
 from dexplan.planning.search.moves import RollTo
 from dexplan.planning.search.nodes import Node, trace_back
+from dexplan.planning.search.stepwise import StepProblem
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal, RefusalKind
@@ -70,13 +72,10 @@ class AdjustmentSearch:
 
     def __post_init__(self) -> None:
         self._hand, self._contacts = self.side.hand, SiteContacts(self.layers)
-        self._problem = RegraspProblem(self._contacts, self.side, self.is_simultaneous)
+        self.bound = RelocationBound(self.layers, self.side.roots, self.is_simultaneous)
+        end = GoalEnd(self.layers, self.side, self.is_simultaneous)
+        self._problem = StepProblem(self._contacts, end, self.bound, self.is_simultaneous)
         self._engine = Engine(self._problem, PATIENCE)
-
-    @property
-    def bound(self) -> RelocationBound:
-        """How many placements and lifts are missing at least."""
-        return self._problem.bound
 
     @property
     def opened(self) -> int:
@@ -108,7 +107,7 @@ class AdjustmentSearch:
     def run(self, node_budget: int) -> Adjustment:
         """Return the moves, fewest first as far as the search's greed allows; at most so many nodes are opened in all."""
         before, until = self.opened, node_budget
-        best: StandNode | None = None
+        best: Node[Stand] | None = None
         while (node := self._engine.run(until - self.opened)) is not None:
             if best is None:
                 until = min(until, 2 * self.opened + NODES_TO_IMPROVE)

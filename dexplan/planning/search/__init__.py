@@ -6,14 +6,21 @@
 ``problem``     what poses a problem to the engine: what nodes are worth, are refused for, lead to
 ``cost``        what makes a plan better than another one
 ``options``     what users set
+``stepwise``    ``StepProblem``: one move at a time, over any contacts, on to a grip that counts as an end
 ``engine``      ``Engine``: opens nodes, the most promising first, judges them when their turn comes
 ==============  ====================================================================================
 
 Nothing here knows how many fingers there are, how many joints they have, or what shape the object has.
+
+A plan of three placements costs three; a radian that the object turns counts a quarter of a placement:
+
+>>> from dexplan.planning.search.cost import CostWeights, compute_cost
+>>> compute_cost(CostWeights(), 3, 1.0, 0.0, [])
+3.25
 """
 
 from dexplan.moved import forward
 
-__all__ = ["cost", "engine", "moves", "nodes", "options", "problem"]
+__all__ = ["cost", "engine", "moves", "nodes", "options", "problem", "stepwise"]
 
 __getattr__ = forward(__name__, ["dexplan.planning.gait.search"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from dexplan.planning.gait.exchange import GaitNode
 from dexplan.planning.gait.routes import build_detours, build_routes, list_swings
 from dexplan.planning.gait.search import CURE, GaitSearch
 from dexplan.planning.search.cost import Improvement
+from dexplan.planning.search.options import Primitive
 from dexplan.planning.tasks.blocked import (
     may_hold_at,
 )
@@ -90,7 +90,7 @@ def plan_rotation(
     goal: RotationGoal,
     start: Start,
     node_budget: int,
-    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    primitives: tuple[Primitive, ...] = ("substitution",),
     improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan that takes the object to ``goal`` by finger gaiting.
@@ -107,7 +107,7 @@ def plan_rotations(
     goal: RotationGoal,
     start: Start,
     node_budget: int,
-    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    primitives: tuple[Primitive, ...] = ("substitution",),
 ) -> Iterator[Plan]:
     """Yield plans as :func:`plan_rotation` finds them, one after another: they end in different grasps.
 
@@ -124,7 +124,7 @@ class _Planning:
     goal: RotationGoal
     start: Start
     node_budget: int
-    primitives: tuple[Literal["substitution", "rewind"], ...]
+    primitives: tuple[Primitive, ...]
     improvement: Improvement
     contacts: Contacts = ()
     searches: list[GaitSearch] = field(default_factory=list)
