@@ -39,8 +39,7 @@ def explain_action(fingers: Sequence[str], action: Action, before: Contacts) -> 
             text = f"{action.name} {fingers[action.finger]}{where} while {holders} hold"
         case Hold():
             text = f"hold with {holders}"
-    other = action.runner_up if isinstance(action, Relocate) else None
-    return f"{text}: {action.why}" + ("" if other is None else f" [runner-up: {other}]")
+    return f"{text}: {action.why}"
 
 
 def describe_motion(motion: ObjectMotion) -> str:

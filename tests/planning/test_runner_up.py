@@ -48,7 +48,7 @@ def test_every_placement_of_a_gait_has_one(full_turn: Plan) -> None:
             # Nothing that promised more was passed over.
             dearer = other.extra + 3.0 * (other.missing - other.missing_here) + (other.used - other.used_here)
             assert dearer > -0.2
-        assert f"[runner-up: {other}]" in full_turn.explain()
+        assert f"     runner-up: {other}\n" in full_turn.explain()
 
 
 def test_lifts_have_none(full_turn: Plan) -> None:
