@@ -5,6 +5,8 @@
 ``ways``           how does a free finger get there?  an arc, or around what is in its way
 ``regions``        where may a finger touch?  the paper's regions and theorems
 ``rolling``        a tip that keeps touching while it moves
+``contacts``       what can land where, be carried how far, and hold with what: the oracle that a search asks
+``search``         one best-first engine over grips and progress
 ``gait``           turn the object by exchanging the fingers that hold it
 ``regrasp``        change the contacts while the object rests or is carried
 ``actions``        from what a search found to the actions of a plan
@@ -20,4 +22,15 @@ here: :func:`dexplan.pipeline.plan` builds hand and goal from a problem file and
 ('solved', 2)
 """
 
-__all__ = ["actions", "admissible", "gait", "regions", "regrasp", "rolling", "tasks", "ways"]
+__all__ = [
+    "actions",
+    "admissible",
+    "contacts",
+    "gait",
+    "regions",
+    "regrasp",
+    "rolling",
+    "search",
+    "tasks",
+    "ways",
+]

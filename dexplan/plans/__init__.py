@@ -35,6 +35,7 @@ __all__ = [
     "plan",
     "poses",
     "refusal",
+    "runner_up",
     "speed",
     "status",
     "timing",

@@ -15,6 +15,7 @@ from dexplan.plans.contacts import Contacts
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.pace import Pace
 from dexplan.plans.phases import TRAVEL, PlannedPhase
+from dexplan.plans.runner_up import RunnerUp
 from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, read_only
 
@@ -148,9 +149,13 @@ class MoveObject(AbstractAction):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Relocate(AbstractAction):
-    """``finger`` is placed on the object, or lifted from it, while the others hold it still."""
+    """``finger`` is placed on the object, or lifted from it, while the others hold it still.
+
+    ``runner_up`` is what would have been placed instead; None where the search thought of nothing else, or there was none.
+    """
 
     finger: int
+    runner_up: RunnerUp | None = None
 
     __repr__ = brief_repr
 

@@ -16,6 +16,7 @@ from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.pace import Pace
 from dexplan.plans.phases import PlannedPhase
 from dexplan.plans.poses import read_pose, write_pose
+from dexplan.plans.runner_up import RunnerUp
 from dexplan.plans.timing import Touchdown
 from dexplan.plans.tip_roll import TipRoll
 
@@ -55,6 +56,7 @@ class PlanWriter:
             else self._names[action.limiting_finger],
             "limit": action.limit,
             "why": action.why,
+            **self._write_runner_up(action),
             "object_pose_start": start,
             "object_pose_end": write_pose(end),
             "rotation": {"axis_W": motion.axis_W.tolist(), "angle_deg": angle_deg},
@@ -79,6 +81,12 @@ class PlanWriter:
                 for phase in action.phases
             ],
         }
+
+    def _write_runner_up(self, action: Action) -> dict[str, Any]:
+        """Return what would have been placed instead, where that is known."""
+        if not isinstance(action, Relocate) or action.runner_up is None:
+            return {}
+        return {"runner_up": action.runner_up.as_dict(self._names)}
 
     def _write_pace(self, action: Action) -> dict[str, Any]:
         """Return what only actions with a motion in time have: its pace, and the tips that roll meanwhile."""
@@ -134,7 +142,12 @@ class PlanReader:
             case "move_object":
                 return MoveObject(**shared, **self._read_pace(data))
             case "place" | "lift":
-                action = Relocate(**shared, finger=self._index[data["finger"]])
+                other = data.get("runner_up")
+                action = Relocate(
+                    **shared,
+                    finger=self._index[data["finger"]],
+                    runner_up=None if other is None else RunnerUp.from_dict(other, self._names),
+                )
                 if action.name != data["kind"]:
                     raise ValueError(
                         f"action {data['index']} is called {data['kind']}, and is a {action.name}"

@@ -18,7 +18,7 @@ import numpy as np
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
 from dexplan.notebook import as_html_lines, as_html_table
-from dexplan.plans.actions import Action
+from dexplan.plans.actions import Action, Relocate
 from dexplan.plans.contacts import Contacts, GoalContact
 from dexplan.plans.file import FORMAT, PlanReader, PlanWriter, read_touchdown, write_touchdown
 from dexplan.plans.forces import NormalForces
@@ -203,6 +203,8 @@ class Plan:
         before = self.start_contacts
         for k, action in enumerate(self.actions):
             lines.append(f"{k + 1:3d}. {explain_action(self.fingers, action, before)}")
+            if isinstance(action, Relocate) and action.runner_up is not None:
+                lines.append(f"     runner-up: {action.runner_up}")
             if action.margins:
                 lines.append(f"     at the worst instant: {spell_margins(action.margins, limits)}")
             before = action.contacts_end

@@ -53,6 +53,7 @@ def _place(contacts: Contacts, step: Step, previous: Step, still: ObjectMotion) 
         limit=previous.limit[1],
         margins=step.place_margins,
         ways=_keep_detour(finger, way, is_back=False),
+        runner_up=step.runner_up,
     )
 
 

@@ -17,6 +17,15 @@
 ==================  =======================================================================================
 
 Station, orbit, leg and hover are explained, with pictures, in ``docs/glossary.md``.
+
+At how many stops may fingers be relocated while an object turns by a radian?
+
+>>> import numpy as np
+>>> from dexplan.planning.contacts.track import Track
+>>> from dexplan.plans.motion import ObjectMotion
+>>> turn = ObjectMotion(np.eye(4), np.array([0.0, 0.0, 1.0]), 1.0, np.zeros(3))
+>>> len(Track((turn,)).poses)
+6
 """
 
 __all__ = [

@@ -19,6 +19,7 @@ from dexplan.planning.contacts.oracle import Progress
 from dexplan.planning.contacts.orbit_contacts import Holding, OrbitContacts
 from dexplan.planning.gait.exchange import GaitNode
 from dexplan.planning.gait.problem import GaitProblem
+from dexplan.planning.gait.runner_up import find_runner_up
 from dexplan.planning.gait.start_pairs import find_start_pairs
 from dexplan.planning.gait.steps import Link, Step, build_steps
 from dexplan.planning.search.cost import CostWeights, compute_cost
@@ -149,5 +150,6 @@ class GaitSearch:
                 grasp = self._contacts.judge(node.grip, node.at).as_dict()
                 least = min(node.arrival.margins["clearance_mm"], grasp["clearance_mm"])
                 exchanged = {**grasp, "clearance_mm": least}
-            links.append(Link(node, moved, carried, exchanged))
+            rival = find_runner_up(self._contacts, node, self._engine.list_rivals(node))
+            links.append(Link(node, moved, carried, exchanged, rival))
         return links

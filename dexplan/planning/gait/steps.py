@@ -13,6 +13,7 @@ from dexplan.planning.gait.exchange import GaitNode
 from dexplan.planning.search.moves import Lift, Place
 from dexplan.planning.ways.travel import Way
 from dexplan.plans.contacts import Placement
+from dexplan.plans.runner_up import RunnerUp
 from dexplan.spatial import Array, lock_arrays
 
 
@@ -38,6 +39,8 @@ class Step:
     axis_W: Array | None = None
     is_rewind: bool = False
     ways: Mapping[int, Way] = field(default_factory=dict)
+    runner_up: RunnerUp | None = None
+    """What would have been placed instead of ``placed``; None where nothing else was thought of."""
 
     def __post_init__(self) -> None:
         lock_arrays(self)
@@ -58,6 +61,7 @@ class Link:
     moved: int
     margins: Mapping[str, float]
     place_margins: Mapping[str, float]
+    runner_up: RunnerUp | None = None
 
 
 def build_steps(contacts: OrbitContacts, links: list[Link]) -> list[Step]:
@@ -85,6 +89,7 @@ def _build_step(contacts: OrbitContacts, links: list[Link], k: int) -> Step:
         place_margins=links[k].place_margins,
         is_rewind=_is_rewind(links, k),
         ways=node.arrival.ways,
+        runner_up=links[k].runner_up,
     )
 
 

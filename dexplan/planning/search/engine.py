@@ -27,6 +27,14 @@ class Patience:
     failed: float
 
 
+@dataclass(frozen=True, eq=False)
+class Rival(Generic[Grip]):
+    """A node that might have come instead of another: why it was refused; None for one whose turn never came."""
+
+    node: Node[Grip]
+    refusal: Refusal | None = None
+
+
 @dataclass(order=True)
 class _Entry(Generic[Grip]):
     priority: float
@@ -47,6 +55,7 @@ class Engine(Generic[Grip]):
     _opened_likes: dict[Hashable, int] = field(default_factory=dict, init=False)
     _failed_likes: dict[Hashable, int] = field(default_factory=dict, init=False)
     _refusals: dict[float, RefusalCount] = field(default_factory=dict, init=False)
+    _turned_down: dict[Node[Grip], list[Rival[Grip]]] = field(default_factory=dict, init=False)
 
     @property
     def is_exhausted(self) -> bool:
@@ -98,6 +107,8 @@ class Engine(Generic[Grip]):
                 self.refuse(judged.refused)
                 self._count_failure(likes)
                 problem.learn(node)
+                if judged.again is None:
+                    self._turn_down(node, judged.refused.refusal)
             if judged.node is None:
                 continue
             self._seen.add(key)
@@ -108,11 +119,26 @@ class Engine(Generic[Grip]):
                 return found.goal
             for refused in found.refused:
                 self.refuse(refused)
+            if found.refused and not found.children:
+                self._turn_down(node, found.refused[0].refusal)
             if found.is_failure:
                 self._count_failure(likes)
             for child in found.children:
                 self.push(child)
         return None
+
+    def list_rivals(self, node: Node[Grip]) -> list[Rival[Grip]]:
+        """Return what might have come instead of ``node`` after its parent: what was refused and what waits, the best first."""
+        parent = node.parent
+        if parent is None:
+            return []
+        waiting = [Rival(entry.node) for entry in self._heap if entry.node.parent is parent]
+        rivals = [*self._turned_down.get(parent, ()), *waiting]
+        return sorted(rivals, key=lambda rival: self.problem.rank(self.problem.estimate(rival.node)))
+
+    def _turn_down(self, node: Node[Grip], refusal: Refusal) -> None:
+        if node.parent is not None:
+            self._turned_down.setdefault(node.parent, []).append(Rival(node, refusal))
 
     def _measure_crowd(self, likes: Likes) -> float:
         opened, failed = self._opened_likes.get(likes.opened, 0), self._failed_likes.get(likes.failing, 0)

@@ -11,7 +11,7 @@ from dexplan.plans.tip_roll import TipRoll
 
 @dataclass(frozen=True)
 class Go:
-    """The grip takes the object ``stops`` further, to the next stretch where it is ``over`` the end of one."""
+    """The grip takes the object so many ``stops`` on; where a stretch ends there, on to the next."""
 
     stops: int
 
