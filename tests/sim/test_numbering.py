@@ -32,9 +32,9 @@ def test_messages_about_a_plan_count_actions_from_one() -> None:
     data = json.loads((RUN / "plan.json").read_text(encoding="utf-8"))
     plan = Plan.from_dict(data)
     if not plan.is_timed:
-        with pytest.raises(ValueError, match="^action 1 "):
+        with pytest.raises(ValueError, match=r"^action 1 "):
             build_reference(plan)
     data = plan.as_dict()
     data["actions"][0]["kind"] = "juggle"
-    with pytest.raises(ValueError, match="^action 1 is of kind 'juggle'"):
+    with pytest.raises(ValueError, match=r"^action 1 is of kind 'juggle'"):
         Plan.from_dict(data)
