@@ -20,7 +20,7 @@ from dexplan.plans.plan import Plan
 from dexplan.sim.judge.report import HEADLINES
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
-from dexplan.viz import panels
+from dexplan.viz import summary_panels as panels
 from dexplan.viz.canvas import write_picture
 from dexplan.viz.check_words import FAILED, describe_check, list_used_limits, spell, spell_limit
 from dexplan.viz.curves import Curves, compute_curves, find_arrivals, read_limit

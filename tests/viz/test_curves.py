@@ -18,7 +18,7 @@ from dexplan.spatial import direction_from_angles
 from dexplan.viz.check_words import GROUP_QUESTIONS, list_described, list_used_limits, spell
 from dexplan.viz.curves import compute_curves, find_arrivals, find_quiet, read_limit
 from dexplan.viz.palette import as_rgb, tint
-from dexplan.viz.panels import describe_briefly, find_stretches
+from dexplan.viz.summary_panels import describe_briefly, find_stretches
 
 
 def test_the_stretches_shaded_are_those_that_the_judge_leaves_out() -> None:
