@@ -75,12 +75,14 @@ class Run:
     """Folder for the files."""
     video: bool = False
     """Also make video.mp4."""
+    report: bool = True
+    """Also write report.html, one page with everything."""
     seed: _Seed = None
     """Replace the problem's seed."""
 
     def run(self) -> int:
         """Do it; return the exit code."""
-        return runs.run(self.problem, self.sets, self.out, self.video, self.seed)
+        return runs.run(self.problem, self.sets, self.out, self.video, self.seed, self.report)
 
 
 @dataclass(frozen=True)

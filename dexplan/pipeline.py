@@ -203,6 +203,42 @@ def draw_run(
     draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
 
 
+def write_report(
+    folder: str | Path,
+    problem: Problem,
+    plan: Plan,
+    trace: Trace | None = None,
+    report: ValidationReport | None = None,
+) -> Path:
+    """Write ``report.html`` into the folder of a run: one page with everything; return its path.
+
+    Figure and film are taken from the folder.  Without ``trace`` and ``report`` the page is about a refusal.
+    """
+    from dexplan.page.report import write_report as write
+
+    scene = None
+    if trace is None:
+        hand = build_scene(problem)
+        qpos = hand.as_qpos(np.stack([f.q_home for f in hand.fingers]), plan.X_WO_start)
+        scene = Trace(hand.xml, {"time": np.zeros(1), "qpos": qpos[None]}, {})
+    return write(folder, problem, plan, trace, report, scene=scene)
+
+
+def draw_refusal(folder: str | Path, problem: Problem, plan: Plan) -> Path:
+    """Draw what the hand can reach and hold of what a refused problem asks, ``refusal.png``; return its path."""
+    from dexplan.viz.refusal import draw_refusal as draw
+
+    start, goal = problem.start.contacts_deg, problem.goal.contacts_deg
+    return draw(
+        build_hand(problem, build_scene(problem)),
+        plan,
+        None if isinstance(start, str) else compute_contact_directions(start),
+        None if goal is None else compute_contact_directions(goal),
+        Path(folder) / "refusal.png",
+        problem.name,
+    )
+
+
 def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
     """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else.
 

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 OUTPUT = "--out"
 PLAN_FILES = ("problem.toml", "plan.json")
 """What ``dexplan plan`` writes; a folder with more than these of ours holds a run."""
-RUN_FILES = (*PLAN_FILES, "model.xml", "trace.npz", "report.json", "summary.png")
+RUN_FILES = (*PLAN_FILES, "model.xml", "trace.npz", "report.json", "summary.png", "report.html")
 """What ``dexplan run`` writes."""
-LATER_FILES = ("frames.png", "video.mp4", "crash.txt")
-"""What is made of a run afterwards, or left by a crash; they go with the run that they belong to."""
+LATER_FILES = ("refusal.png", "frames.png", "video.mp4", "crash.txt")
+"""What is made of a run afterwards, of a refusal instead of one, or left by a crash; they go with the run that they belong to."""
 INSPECT_FILES = ("inspect.png",)
 
 SEAL = "# Written by dexplan, sha256 of what follows: "
@@ -249,6 +249,13 @@ def _is_picture(path: Path) -> bool:
     )
 
 
+def _is_page(path: Path) -> bool:
+    """A page that names us as its generator."""
+    with path.open(encoding="utf-8") as stream:
+        head = stream.read(4096)
+    return head.startswith("<!doctype html>") and f'<meta name="generator" content="{MARK}">' in head
+
+
 def _is_film(path: Path) -> bool:
     content = path.read_bytes()
     return content[4:8] == b"ftyp" and MARK.encode() in content
@@ -270,6 +277,8 @@ _TESTS: dict[str, Callable[[Path], bool]] = {
     "trace.npz": _is_trace,
     "report.json": _is_report,
     "summary.png": _is_picture,
+    "refusal.png": _is_picture,
+    "report.html": _is_page,
     "frames.png": _is_picture,
     "inspect.png": _is_picture,
     "video.mp4": _is_film,

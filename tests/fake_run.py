@@ -16,6 +16,7 @@ from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace
 from dexplan.viz.canvas import write_picture
 
+PAGE = '<!doctype html>\n<html><head><meta name="generator" content="dexplan"></head></html>'
 FILM = b"\0\0\0\x20ftypisom dexplan"
 
 
@@ -71,6 +72,8 @@ def make_pipeline() -> SimpleNamespace:
         validate=lambda problem, plan, trace: FakeReport("pass"),
         inspect=lambda problem, folder: "the numbers",
         save_run=save_run,
+        write_report=lambda folder, *given: (folder / "report.html").write_text(PAGE),
+        draw_refusal=lambda folder, *given: None,
         load_run=lambda folder: ("problem", "plan", "trace"),
         render_run=lambda folder: (folder / "video.mp4").write_bytes(FILM),
     )

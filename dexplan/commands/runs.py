@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from dexplan.sim.judge.validate import ValidationReport
 
 
-def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, seed: int | None) -> int:
-    """Plan, simulate, judge and save; the last line on stdout is the verdict."""
+def run(
+    name: str, assignments: Sequence[str], out: Path | None, video: bool, seed: int | None, page: bool = True
+) -> int:
+    """Plan, simulate, judge and save, with a page about it (``page``); the last line on stdout is the verdict."""
     problem, source = read(name, assignments, seed)
     folder = choose_folder(problem, out)
     output = Output(run_folder.choose_run_folder(folder, source, problem, video, out is not None), problem)
@@ -30,6 +32,9 @@ def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, se
         planned.save(folder / "plan.json")
         print(planned.explain(), flush=True)
         if not planned.is_solved:
+            pipeline.draw_refusal(folder, problem, planned)
+            if page:
+                pipeline.write_report(folder, problem, planned)
             print(f"FAIL plan {planned.status}")
             return HONEST_NO
         trace = None
@@ -42,12 +47,15 @@ def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, se
             raise
         try:
             pipeline.save_run(folder, problem, planned, trace, report)
-        except OSError:
+            filmed = _make_video(folder) if video else CONFIRMED
+            # Last, for the page holds the others.
+            if page:
+                pipeline.write_report(folder, problem, planned, trace, report)
+        except BaseException:
             # Whatever the disk says, the work is done; its answer is not kept back.
             _judge(report)
             raise
-        code = _judge(report)
-        return max(code, _make_video(folder)) if video else code
+        return max(_judge(report), filmed)
 
 
 def validate(folder: Path) -> int:
@@ -66,6 +74,8 @@ def validate(folder: Path) -> int:
             report.save(path)
             if is_news and run_folder.is_ours(folder / "summary.png"):
                 pipeline.draw_run(folder, problem, plan, trace, report)
+            if is_news and run_folder.is_ours(folder / "report.html"):
+                pipeline.write_report(folder, problem, plan, trace, report)
     except (KeyError, ValueError) as error:
         # A record may lack what only the figure shows, or hold no numbers there; it is judged all the same.
         print(
@@ -92,9 +102,23 @@ def render(folder: Path) -> int:
     check_run_folder(folder)
     run_folder.check_replaceable(folder / "video.mp4")
     code = _make_video(folder)
+    if code == CONFIRMED and run_folder.is_ours(folder / "report.html"):
+        _renew_page(folder)
     if code == CONFIRMED:
         print(folder / "video.mp4")
     return code
+
+
+def _renew_page(folder: Path) -> None:
+    """Write the page of a run again, with the film that it has now; a run that was not judged keeps the page it has."""
+    from dexplan import pipeline
+    from dexplan.sim.judge.validate import ValidationReport
+
+    try:
+        report = ValidationReport.load(folder / "report.json")
+    except RunFolderError:
+        return
+    pipeline.write_report(folder, *pipeline.load_run(folder), report)
 
 
 def _judge(report: ValidationReport) -> int:
