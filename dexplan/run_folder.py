@@ -24,10 +24,13 @@ if TYPE_CHECKING:
 OUTPUT = "--out"
 PLAN_FILES = ("problem.toml", "plan.json")
 """What ``dexplan plan`` writes; a folder with more than these of ours holds a run."""
-RUN_FILES = (*PLAN_FILES, "model.xml", "trace.npz", "report.json", "summary.png", "report.html")
+PAGE = "report.html"
+RUN_FILES = (*PLAN_FILES, "model.xml", "trace.npz", "report.json", "summary.png", PAGE)
 """What ``dexplan run`` writes."""
-LATER_FILES = ("refusal.png", "frames.png", "video.mp4", "crash.txt")
-"""What is made of a run afterwards, of a refusal instead of one, or left by a crash; they go with the run that they belong to."""
+LATER_FILES = ("frames.png", "video.mp4", "crash.txt")
+"""What is made of a run afterwards, or left by a crash; they go with the run that they belong to."""
+REFUSAL_FILES = ("refusal.png",)
+"""What ``dexplan run`` writes beside problem, plan and page where there is no plan to run; a later plan may replace it."""
 INSPECT_FILES = ("inspect.png",)
 
 SEAL = "# Written by dexplan, sha256 of what follows: "
@@ -57,7 +60,8 @@ def choose_run_folder(
     names = (*RUN_FILES, "video.mp4") if with_video else RUN_FILES
     kept = _is_same(folder / "problem.toml", source) and _says_the_same(folder / "problem.toml", problem)
     _refuse_foreign(folder, [n for n in names if not (kept and n == "problem.toml")], source, is_asked)
-    ours = tuple(n for n in (*RUN_FILES, *LATER_FILES) if _is_ours_beside(folder, n, source))
+    older = (*RUN_FILES, *LATER_FILES, *REFUSAL_FILES)
+    ours = tuple(n for n in older if _is_ours_beside(folder, n, source))
     return Target(folder, ours)
 
 
@@ -77,7 +81,8 @@ def choose_plan_folder(folder: Path, source: Path | None, is_asked: bool) -> Tar
         _refuse_foreign(folder, PLAN_FILES, source, is_asked)
     else:
         folder = next(place for place in _plan_places(folder) if not _is_taken(place, PLAN_FILES, source))
-    return Target(folder, tuple(n for n in PLAN_FILES if (folder / n).exists()))
+    told = (n for n in (*REFUSAL_FILES, PAGE) if is_ours(folder / n))
+    return Target(folder, (*(n for n in PLAN_FILES if (folder / n).exists()), *told))
 
 
 def choose_inspect_folder(folder: Path, source: Path | None, is_asked: bool) -> Target:
@@ -88,7 +93,7 @@ def choose_inspect_folder(folder: Path, source: Path | None, is_asked: bool) -> 
 
 def choose_crash_folder(folder: Path) -> Path:
     """Return where to leave the evidence of a defect: ``folder`` if nothing of a problem is in it, else one beside it."""
-    names = (*RUN_FILES, *LATER_FILES)
+    names = (*RUN_FILES, *LATER_FILES, *REFUSAL_FILES)
     places = [
         folder,
         *(folder.with_name(f"{folder.name}.crash{k}") for k in ("", *(f".{n}" for n in range(2, 100)))),
@@ -104,8 +109,10 @@ def check_replaceable(path: Path, source: Path | None = None) -> None:
 
 
 def find_run_files(folder: Path) -> tuple[str, ...]:
-    """Return the files of ours in ``folder`` that only a run, or what was made of one, leaves."""
-    return tuple(n for n in (*RUN_FILES, *LATER_FILES) if n not in PLAN_FILES and is_ours(folder / n))
+    """Return the files of ours in ``folder`` that only a run, or what was made of one, leaves; a refusal is no run."""
+    names = [n for n in (*RUN_FILES, *LATER_FILES) if n not in PLAN_FILES and is_ours(folder / n)]
+    is_refusal = names == [PAGE] and any(is_ours(folder / n) for n in REFUSAL_FILES)
+    return () if is_refusal else tuple(names)
 
 
 def is_ours(path: Path) -> bool:

@@ -20,14 +20,14 @@ from dexplan.page.pictures import Pictures, choose_times, draw_pictures
 from dexplan.page.story import build_figures, build_film, build_plan, build_scene
 from dexplan.page.subject import Subject
 from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
 from dexplan.problems.problem import Problem
-from dexplan.run_folder import MARK, write_whole
+from dexplan.run_folder import MARK, PAGE, write_whole
 from dexplan.sim.judge.report import ValidationReport
 from dexplan.sim.trace import Trace
 from dexplan.viz.curves import Curves, compute_curves
 from dexplan.viz.figure import describe_goal
 
-NAME = "report.html"
 POLICY = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'"
 """What a browser may load for the page: nothing but what is in it."""
 TITLES = {
@@ -59,7 +59,7 @@ def write_report(
     Summary, refusal picture and film are taken from the folder where they are there. Without ``trace`` and ``report`` the page is
     about a refusal; ``scene`` is then a trace of one sample that shows the hand as it would have started.
     """
-    path = Path(folder) / NAME
+    path = Path(folder) / PAGE
     write_whole(path, render_page(Subject(Path(folder), problem, plan, trace, report, scene)))
     return path
 
@@ -70,7 +70,10 @@ def render_page(subject: Subject) -> str:
     curves: Curves | None = None
     if subject.trace is None:
         pictures = Pictures() if subject.scene is None else draw_pictures(subject.scene, None, [0.0])
-        sections = [build_refusal(subject), build_figures(subject), build_scene(subject, pictures)]
+        shown = [build_figures(subject), build_scene(subject, pictures)]
+        # What is in the way is seen in the scene, what is out of reach in the figure.
+        is_blocked = subject.plan.status is Status.BLOCKED
+        sections = [build_refusal(subject), *(reversed(shown) if is_blocked else shown)]
     else:
         times, moments = choose_times(subject.trace, subject.plan), list_moments(subject)
         pictures = draw_pictures(subject.trace, subject.plan, [*times.values(), *moments.values()])
@@ -80,8 +83,8 @@ def render_page(subject: Subject) -> str:
     if subject.trace is not None:
         sections += [build_figures(subject), build_checks(subject), build_loose_limits(subject.report)]
     sections += [build_physics(subject), build_origin(subject)]
-    shown = [section for section in sections if section is not None]
-    return "<!doctype html>\n" + as_html(_frame(subject, shown)) + "\n"
+    told = [section for section in sections if section is not None]
+    return "<!doctype html>\n" + as_html(_frame(subject, told)) + "\n"
 
 
 def _frame(subject: Subject, sections: list[Element]) -> Element:

@@ -12,6 +12,7 @@
 ``motion``    ``ObjectMotion``: a turn about an axis with a straight shift, and poses on it
 ``tip_roll``  the path of a tip that rolls while it holds
 ``forces``    ``NormalForces``: how hard a contact presses, with the usual values
+``words``     a plan's parts in words
 ``speed``     how fast the object turns, and what keeps it from turning faster
 ============  ===========================================================================
 
@@ -37,4 +38,5 @@ __all__ = [
     "status",
     "timing",
     "tip_roll",
+    "words",
 ]

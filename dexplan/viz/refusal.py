@@ -100,10 +100,10 @@ def draw_refusal(
         for k, section in enumerate(sections):
             draw_section(figure.add_subplot(grid[0, k]), hand, section)
         is_asked = last.asked is not None
-        what = "the contacts asked for" if is_asked else "the widest contacts that two fingers can reach"
+        what = "the contacts asked for" if is_asked else "their widest reachable contacts"
         words = (
-            f"Does the line between two contacts lie inside both friction cones?  Section through {what}, {last.name}, "
-            f"to scale; believed friction {hand.friction.sliding:.2f}"
+            "Two fingers hold alone where the line between their contacts lies inside both friction cones.  "
+            f"Section through {what}, {last.name}, to scale; believed friction {hand.friction.sliding:.2f}"
         )
         figure.text(0.02, (top - 0.1) / height, words, fontsize=10.5)
     _write_heading(figure, plan, reason, name)
