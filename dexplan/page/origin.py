@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Mapping
 from typing import Any
@@ -11,6 +12,7 @@ from dexplan.page.html import Child, build, build_facts, build_section
 from dexplan.page.subject import Subject
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import list_problems, load_problem
+from dexplan.sim.judge.report import ValidationReport
 from dexplan.sim.machine import describe_machine, describe_versions
 
 PACKAGES = ("dexplan", "mujoco", "numpy", "osqp", "scipy")
@@ -82,11 +84,37 @@ def find_command(problem: Problem) -> str:
     return "dexplan run problem.toml"
 
 
+def list_options(report: ValidationReport | None) -> list[str]:
+    """Return the options with which a run was made that differed from its problem: another controller, another true world."""
+    if report is None:
+        return []
+    options = ["--controller FILE.py:NAME"] if report.recorded.get("controller") else []
+    untrue: Mapping[str, Any] = report.as_dict().get("untrue", {})
+    options += [_spell_truth(key, x["true"]) for key, x in untrue.items()]
+    return options
+
+
+def _spell_truth(key: str, value: object) -> str:
+    return "--true " + shlex.quote(f"{key}={_as_toml(value)}")
+
+
+def _as_toml(value: object) -> str:
+    """Return a value as ``--set`` and ``--true`` take it."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(str(key))} = {_as_toml(x)}" for key, x in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_as_toml, value))}]"
+    return json.dumps(value)
+
+
 def build_origin(subject: Subject) -> Element:
     """Return how to make the run again: command, problem file, seed, versions and machine."""
     command, report = find_command(subject.problem), subject.report
     text = subject.problem.as_toml()
-    parts: list[Child] = [build("pre", build("code", command))]
+    parts: list[Child] = [build("pre", build("code", " ".join([command, *list_options(report)])))]
+    if report is not None and report.recorded.get("controller"):
+        words = f"The run was made by {report.recorded['controller']}, which is no part of dexplan: FILE.py:NAME stands for it."
+        parts.append(build("p", words))
     if command.endswith(" problem.toml"):
         parts.append(build("p", "problem.toml is the file below; it also stands in the folder of this run."))
     same = "On the same machine with the same versions the run comes out the same to the last bit."

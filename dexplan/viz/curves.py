@@ -55,14 +55,14 @@ class Curves:
 def compute_curves(problem: Mapping[str, Any] | None, plan: Plan, trace: Trace) -> Curves:
     """Return the curves of a run; missing numbers stay NaN and leave gaps.
 
-    ``problem`` is the data of ``problem.toml``; without it frictions are read from the trace's model.
+    ``problem`` is the data of ``problem.toml``, whose limits are shown; without it those of the package are.
     """
     model = mujoco.MjModel.from_xml_string(trace.model_xml)
     address = int(model.joint("object/free/").qposadr[0])
     pose, reference = trace["qpos"][:, address : address + 7], trace["object_pose_reference"]
     # A run that diverged ends in samples that are no numbers; curves stop before them.
     is_good = np.isfinite(pose).all(axis=1) & np.isfinite(reference).all(axis=1)
-    sliding, torsional = _read_friction(problem, model)
+    sliding, torsional = _read_friction(model)
     axis = choose_axis(plan)
     rotation_error, turned, turned_reference = (np.full(len(pose), np.nan) for _ in range(3))
     if is_good.any():
@@ -72,10 +72,12 @@ def compute_curves(problem: Mapping[str, Any] | None, plan: Plan, trace: Trace) 
         turned[is_good] = np.degrees(compute_turned_angle(pose[is_good], axis))
         turned_reference[is_good] = np.degrees(compute_turned_angle(reference[is_good], axis))
     force, start = trace["contact_force"], plan.X_WO_start[:3, 3]
+    # Other controllers than ours plan no forces.
+    planned = trace.columns.get("contact_force_reference", np.full(force.shape, np.nan))
     return Curves(
         time=trace["time"],
         normal_force=force[..., 2],
-        normal_force_reference=trace["contact_force_reference"][..., 2],
+        normal_force_reference=planned[..., 2],
         utilisation=compute_utilisation(force, sliding, torsional),
         position_error_mm=1e3 * np.linalg.norm(pose[:, :3] - reference[:, :3], axis=1),
         rotation_error_deg=rotation_error,
@@ -160,10 +162,8 @@ def _list_demands(plan: Plan, trace: Trace) -> NDArray[Any]:
     return np.array([rows.get(pair, nothing) for pair in pairs])
 
 
-def _read_friction(problem: Mapping[str, Any] | None, model: Any) -> tuple[float, float]:
-    """Return sliding [-] and torsional [m] friction between tip and object."""
-    if problem is not None:
-        return float(problem["friction"]["sliding"]), float(problem["friction"]["torsional_m"])
+def _read_friction(model: Any) -> tuple[float, float]:
+    """Return sliding [-] and torsional [m] friction between tip and object, as the run had it, whatever was believed."""
     tips = [k for k in range(model.ngeom) if model.geom(k).name.endswith("/tip")]
     # MuJoCo takes the larger friction of the two geoms.
     pair = model.geom_friction[[*tips[:1], model.geom("object/surface").id]].max(axis=0)

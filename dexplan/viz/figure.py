@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,10 @@ WIDTH = 14.0
 """Of the picture, in inches of 100 pixels."""
 TOP, BETWEEN, BELOW = 2.3, 0.22, 0.35
 """Room above the first panel for the heading and the actions' names, between panels, and below the last one [in]."""
+LINE, KEYS = 0.16, 1.08
+"""Height of what is said beside the verdict, a line of it, and from the keys down to the first panel [in]."""
+LINE_LENGTH = 190
+"""Characters in a line of what is said beside the verdict."""
 MOST_BARS = 9
 """How many checks the summary compares with their limits."""
 LEAST_SHIFT = 1e-4
@@ -55,7 +60,7 @@ def draw_summary(
 ) -> Path:
     """Write the summary of a run as a PNG, 1400 pixels wide, whole or not at all; return its path.
 
-    ``problem`` is the data of ``problem.toml``; without it frictions are read from the trace's model.
+    ``problem`` is the data of ``problem.toml``, whose limits are drawn; without it those of the package are.
     """
     curves = compute_curves(problem, plan, trace)
     spans, rows = build_action_spans(trace), build_gait_rows(trace)
@@ -63,12 +68,14 @@ def draw_summary(
     arrivals = find_arrivals(curves, goal_limit)
     used = () if report is None else list_used_limits(report)[:MOST_BARS]
     shown = _choose_panels(plan, len(rows))
+    said = () if report is None else _fold(report.reservations)
+    heading = TOP + LINE * max(len(said) - 2, 0)
     bars_height = 0.24 * len(used) + 0.9 if used else 0.0
-    height = TOP + sum(p.height + BETWEEN for p in shown) + BELOW + bars_height
+    height = heading + sum(p.height + BETWEEN for p in shown) + BELOW + bars_height
     figure = Figure(figsize=(WIDTH, height), dpi=100, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     axes: list[Axes] = []
-    top = height - TOP
+    top = height - heading
     for panel in shown:
         place = (0.075, (top - panel.height) / height, 0.785, panel.height / height)
         ax = figure.add_axes(place, sharex=axes[0] if axes else None)
@@ -111,7 +118,7 @@ def draw_summary(
         panels.style_panel(bars)
         panels.draw_used_limits(bars, used)
     _write_heading(figure, problem, plan, trace, report)
-    _draw_keys(figure, plan, curves)
+    _draw_keys(figure, plan, curves, heading - KEYS)
     return write_picture(canvas, path)
 
 
@@ -203,15 +210,20 @@ def _write_heading(
 
     write(_cut(f"{name}: {describe_goal(plan)}", 95), 0.26, 16, weight="bold")
     write(_cut(line, 140), 0.56, 12, color=color, weight="bold" if is_bad else "normal")
-    for k, said in enumerate(() if report is None else report.reservations):
-        write(_cut(said, 190), 0.78 + 0.16 * k, 9, color=ALARM)
+    for k, said in enumerate(() if report is None else _fold(report.reservations)):
+        write(said, 0.78 + LINE * k, 9, color=ALARM)
+
+
+def _fold(sentences: tuple[str, ...]) -> tuple[str, ...]:
+    """Return sentences as lines; nothing of what has to be said beside a verdict is cut off."""
+    return tuple(line for sentence in sentences for line in textwrap.wrap(sentence, LINE_LENGTH))
 
 
 def _cut(line: str, length: int) -> str:
     return line if len(line) <= length else line[: length - 1] + "…"
 
 
-def _draw_keys(figure: Figure, plan: Plan, curves: Curves) -> None:
+def _draw_keys(figure: Figure, plan: Plan, curves: Curves, below: float) -> None:
     height = figure.get_figheight()
     loud = 100.0 * float(np.mean(~curves.is_quiet)) if len(curves.is_quiet) else 0.0
     keys: list[Line2D | Patch] = [
@@ -240,7 +252,7 @@ def _draw_keys(figure: Figure, plan: Plan, curves: Curves) -> None:
     figure.legend(
         handles=keys,
         loc="center left",
-        bbox_to_anchor=(0.07, 1.0 - 1.22 / height),
+        bbox_to_anchor=(0.07, 1.0 - below / height),
         ncols=len(keys),
         frameon=False,
         fontsize=9.5,

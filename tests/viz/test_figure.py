@@ -122,8 +122,8 @@ def test_utilisation_is_one_at_the_friction_limit() -> None:
     assert np.isnan(used[3])
 
 
-def test_curves_read_the_frictions_from_the_model_where_no_problem_is_given() -> None:
-    problem = {"friction": {"sliding": 0.55, "torsional_m": 0.0025}}
+def test_curves_have_the_friction_of_the_run_whatever_was_believed() -> None:
+    problem = {"friction": {"sliding": 0.2, "torsional_m": 0.001}}
     given, read = (compute_curves(p, make_plan(), make_trace()) for p in (problem, None))
     assert np.array_equal(given.utilisation, read.utilisation, equal_nan=True)
     assert np.max(read.position_error_mm) == 0.0

@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from dexplan import run_folder
 from dexplan.errors import RenderError
 from dexplan.page import pictures
 from dexplan.page.html import as_html, build
-from dexplan.page.origin import find_command
+from dexplan.page.origin import find_command, list_options
 from dexplan.page.pictures import MOST_PICTURES, choose_times
 from dexplan.page.report import POLICY, write_report
 from dexplan.page.story import MOST_FILM_BYTES
@@ -254,6 +255,30 @@ def test_the_command_is_the_shortest_that_makes_the_run_again() -> None:
     assert find_command(replace(built_in, seed=5)) == "dexplan run hold_three --seed 5"
     assert find_command(replace(built_in, summary="another")) == "dexplan run problem.toml"
     assert find_command(replace(built_in, name="mine")) == "dexplan run problem.toml"
+
+
+def test_a_world_that_was_not_as_believed_and_another_controller_stand_in_the_command() -> None:
+    report = make_report(recorded={"controller": "my arm"})
+    assert list_options(report) == ["--controller FILE.py:NAME"]
+    assert list_options(None) == []
+    untrue = {
+        "friction.sliding": {"believed": 0.5, "true": 0.4},
+        "obstacles": {"believed": [], "true": [{"kind": "box"}]},
+    }
+    known = SimpleNamespace(recorded={}, as_dict=lambda: {"untrue": untrue})
+    assert list_options(known) == ["--true friction.sliding=0.4", """--true 'obstacles=[{"kind" = "box"}]'"""]  # type: ignore[arg-type]
+
+
+def test_a_run_without_planned_forces_has_a_page(
+    tmp_path: Path, problem: Problem, drawn: list[float]
+) -> None:
+    full = make_trace()
+    columns = {name: column for name, column in full.columns.items() if name != "contact_force_reference"}
+    trace = Trace(full.model_xml, columns, full.meta)
+    report = make_report(_check("friction_utilisation_max", "fail", 0.95, limit=0.9, worst_time_s=0.42))
+    draw_summary(problem.as_dict(), make_plan(), trace, report, tmp_path / "summary.png")
+    page = check_page(write_report(tmp_path, problem, make_plan(), trace, report))
+    assert "finger 1 yes 5 N" in page.text
 
 
 def test_text_is_never_markup() -> None:
