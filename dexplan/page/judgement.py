@@ -21,6 +21,7 @@ from dexplan.viz.check_words import (
     describe_check,
     list_used_limits,
     spell,
+    spell_beside,
     spell_limit,
 )
 from dexplan.viz.curves import Curves
@@ -93,7 +94,11 @@ def build_failures(subject: Subject, pictures: Pictures, curves: Curves | None) 
 
 
 def _spell_value(check: CheckResult) -> str:
-    value = "There is no value" if check.value is None else f"Measured {spell(check.value, check.unit)}"
+    value = (
+        "There is no value"
+        if check.value is None
+        else f"Measured {spell_beside(check.value, check.limit, check.unit)}"
+    )
     if check.limit is None:
         return f"{value}."
     return f"{value}; the limit is {spell_limit(check.limit, check.unit)}."
@@ -185,7 +190,7 @@ def _build_row(
         build("p", f"Note: {check.note}", class_="note") if check.note else None,
     ]
     status = build("span", SIGNS.get(check.status, f"– {check.status.replace('_', ' ')}"), class_="status")
-    value = "" if check.value is None else spell(check.value, check.unit)
+    value = "" if check.value is None else spell_beside(check.value, check.limit, check.unit)
     limit, bar = "", None
     if used is not None:
         limit = f"at {'least' if used.is_least else 'most'} {spell_limit(used.limit, used.unit)}"

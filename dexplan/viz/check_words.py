@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -207,6 +208,18 @@ def spell(value: float | None, unit: str = "") -> str:
     return number + _spell_unit(unit)
 
 
+def spell_beside(value: float | None, limit: float | None, unit: str = "") -> str:
+    """Return a number with two digits, or with as many as it takes to see on which side of its limit the number is."""
+    text = spell(value, unit)
+    if value is None or limit is None or not math.isfinite(value) or abs(value) < 0.001:
+        return text
+    told = float(text.removesuffix(_spell_unit(unit)))
+    if (told > limit) == (value > limit) and (told < limit) == (value < limit):
+        return text
+    digits = next((n for n in range(3, 17) if f"{value:.{n}g}" != f"{limit:.{n}g}"), 17)
+    return f"{value:.{digits}g}" + _spell_unit(unit)
+
+
 def spell_limit(limit: float, unit: str = "") -> str:
     """Return a limit as it was set, with its unit."""
     return f"{limit:.6g}" + _spell_unit(unit)
@@ -232,7 +245,9 @@ class UsedLimit:
 
     def __str__(self) -> str:
         bound = "at least" if self.is_least else "at most"
-        return f"{spell(self.value, self.unit)}, {bound} {spell_limit(self.limit, self.unit)}"
+        return (
+            f"{spell_beside(self.value, self.limit, self.unit)}, {bound} {spell_limit(self.limit, self.unit)}"
+        )
 
 
 def list_used_limits(report: ValidationReport) -> tuple[UsedLimit, ...]:

@@ -23,7 +23,7 @@ from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
 from dexplan.viz import summary_panels as panels
 from dexplan.viz.canvas import write_picture
-from dexplan.viz.check_words import FAILED, describe_check, list_used_limits, spell, spell_limit
+from dexplan.viz.check_words import FAILED, describe_check, list_used_limits, spell, spell_beside, spell_limit
 from dexplan.viz.curves import Curves, compute_curves, find_arrivals, read_limit
 from dexplan.viz.palette import ALARM, INK, UNJUDGED, tint
 from dexplan.viz.timeline import build_action_spans, build_gait_rows
@@ -180,7 +180,7 @@ def describe_verdict(report: ValidationReport) -> str:
     first = failed[0]
     words = f"✗ FAIL: {describe_check(first.name).title} ({first.name})"
     if first.value is not None:
-        words += f" {spell(first.value, first.unit)}"
+        words += f" {spell_beside(first.value, first.limit, first.unit)}"
     if first.limit is not None:
         words += f", limit {spell_limit(first.limit, first.unit)}"
     if first.worst_time_s is not None:

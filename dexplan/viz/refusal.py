@@ -32,7 +32,7 @@ from dexplan.viz.sections import Asked, draw_section, find_sections
 
 PIXEL_DEG = 1.5
 WIDTH = 14.0
-MAP_HEIGHT, SECTION_HEIGHT, HEADING, LINE = 2.1, 3.4, 1.45, 0.17
+MAP_HEIGHT, SECTION_HEIGHT, HEADING, LINE = 2.1, 3.6, 1.45, 0.17
 """Heights of a row of maps, of the row of sections, of the heading, and of each line of the reason in it [in]."""
 MOST_LINES, LINE_LENGTH = 6, 165
 """How much of the reason the heading has room for: lines, and characters in one."""
@@ -95,17 +95,17 @@ def draw_refusal(
         figure.text(0.012, 0.5 * (top + lower) / height, stage.name, rotation=90, fontsize=11, va="center")
         top -= MAP_HEIGHT
     if sections:
-        place = {"left": 0.02, "right": 0.985, "top": (top - 0.7) / height, "bottom": 0.1 / height}
+        place = {"left": 0.02, "right": 0.985, "top": (top - 0.9) / height, "bottom": 0.1 / height}
         grid = figure.add_gridspec(1, len(sections), wspace=0.05, **place)
         for k, section in enumerate(sections):
             draw_section(figure.add_subplot(grid[0, k]), hand, section)
         is_asked = last.asked is not None
         what = "the contacts asked for" if is_asked else "their widest reachable contacts"
         words = (
-            "Two fingers hold alone where the line between their contacts lies inside both friction cones.  "
+            "Two fingers hold alone where the line between their contacts lies inside both friction cones.\n"
             f"Section through {what}, {last.name}, to scale; believed friction {hand.friction.sliding:.2f}"
         )
-        figure.text(0.02, (top - 0.1) / height, words, fontsize=10.5)
+        figure.text(0.02, (top - 0.02) / height, words, fontsize=10.5, va="top", linespacing=1.5)
     _write_heading(figure, plan, reason, name)
     return write_picture(canvas, path)
 

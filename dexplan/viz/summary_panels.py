@@ -247,7 +247,7 @@ def draw_errors(ax: Axes, curves: Curves, position_limit: float, rotation_limit:
         ax.plot(
             curves.time, np.maximum(share, 0.5 * LEAST_SHARE_PCT), color=color, linewidth=1.3, dashes=dash
         )
-        words = f"{name}: at most\n{spell(worst, unit)}, limit {spell_limit(limit, unit)}"
+        words = f"{name}: largest\n{spell(worst, unit)}, limit {spell_limit(limit, unit)}"
         ax.annotate(
             words, (1.0, 0.62 - 0.42 * k), xycoords="axes fraction", xytext=(6, 0), textcoords="offset points",
             fontsize=9, va="center", color=color, annotation_clip=False,

@@ -15,7 +15,7 @@ from dexplan.sim.judge.checks_case import Case, CheckResult
 from dexplan.sim.judge.limits import load_default_limits
 from dexplan.sim.judge.validate import CHECKS, ValidationReport
 from dexplan.spatial import direction_from_angles
-from dexplan.viz.check_words import GROUP_QUESTIONS, list_described, list_used_limits, spell
+from dexplan.viz.check_words import GROUP_QUESTIONS, list_described, list_used_limits, spell, spell_beside
 from dexplan.viz.curves import compute_curves, find_arrivals, find_quiet, read_limit
 from dexplan.viz.palette import as_rgb, tint
 from dexplan.viz.summary_panels import describe_briefly, find_stretches
@@ -89,6 +89,25 @@ def test_actions_are_named_briefly_with_fingers_counted_from_one() -> None:
 )
 def test_numbers_have_two_digits(value: float | None, unit: str, words: str) -> None:
     assert spell(value, unit) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "words"),
+    [
+        (0.9003, 0.9, "0.9003 mm"),
+        (0.8996, 0.9, "0.8996 mm"),
+        (0.9, 0.9, "0.90 mm"),
+        (0.78, 0.9, "0.78 mm"),
+        (21.6, 22.0, "21.6 mm"),
+        (21.4, 22.0, "21 mm"),
+        (0.0004, 0.0, "less than 0.001 mm"),
+        (None, 1.0, "no value"),
+    ],
+)
+def test_a_number_is_seen_to_be_on_its_side_of_the_limit(
+    value: float | None, limit: float, words: str
+) -> None:
+    assert spell_beside(value, limit, "mm") == words
 
 
 def test_every_check_has_words() -> None:
