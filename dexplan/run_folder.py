@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import tomllib
 import zipfile
 from collections.abc import Callable, Iterable
@@ -31,12 +32,15 @@ LATER_FILES = ("frames.png", "video.mp4", "crash.txt")
 """What is made of a run afterwards, or left by a crash; they go with the run that they belong to."""
 REFUSAL_FILES = ("refusal.png",)
 """What ``dexplan run`` writes beside problem, plan and page where there is no plan to run; a later plan may replace it."""
+STILLS = "frames"
+"""Folder in a run folder with pictures of the run."""
 INSPECT_FILES = ("inspect.png",)
 
 SEAL = "# Written by dexplan, sha256 of what follows: "
 """First line of a problem file in a run folder: whoever edits the file breaks the seal and owns the file from then on."""
 MARK = "dexplan"
 """Stands in the metadata of pictures and films that are ours."""
+_STILL = re.compile(r"frame_\d{3}\.png")
 CRASH = "A defect of dexplan "
 """How a crash.txt begins."""
 
@@ -60,7 +64,8 @@ def choose_run_folder(
     names = (*RUN_FILES, "video.mp4") if with_video else RUN_FILES
     kept = _is_same(folder / "problem.toml", source) and _says_the_same(folder / "problem.toml", problem)
     _refuse_foreign(folder, [n for n in names if not (kept and n == "problem.toml")], source, is_asked)
-    older = (*RUN_FILES, *LATER_FILES, *REFUSAL_FILES)
+    stills = [f"{STILLS}/{path.name}" for path in list_stills(folder / STILLS)]
+    older = (*RUN_FILES, *LATER_FILES, *REFUSAL_FILES, *stills)
     ours = tuple(n for n in older if _is_ours_beside(folder, n, source))
     return Target(folder, ours)
 
@@ -115,9 +120,21 @@ def find_run_files(folder: Path) -> tuple[str, ...]:
     return () if is_refusal else tuple(names)
 
 
+def drop_told(folder: Path) -> None:
+    """Remove what an older run or refusal left in ``folder`` that tells of it: it would speak of the next one."""
+    for name in ("report.json", "summary.png", PAGE, *REFUSAL_FILES):
+        if is_ours(folder / name):
+            (folder / name).unlink()
+
+
+def list_stills(folder: Path) -> tuple[Path, ...]:
+    """Return the pictures of a run of ours in ``folder``, by number."""
+    return tuple(sorted(path for path in folder.glob("frame_*.png") if is_ours(path)))
+
+
 def is_ours(path: Path) -> bool:
     """Whether the file at ``path`` is one of a run of ours, judged by its content."""
-    test = _TESTS.get(path.name)
+    test = _is_picture if _STILL.fullmatch(path.name) else _TESTS.get(path.name)
     try:
         return test is not None and path.is_file() and test(path)
     except (OSError, ValueError, KeyError, RecursionError, zipfile.BadZipFile):

@@ -28,7 +28,7 @@ def _see(names: str, third_party: str = "") -> Room:
     return Room(frozenset(names.split()), frozenset(third_party.split()))
 
 
-GROUND = "errors spatial brief icosphere moved"
+GROUND = "errors spatial brief notebook icosphere moved"
 MATH = "numpy scipy"
 ALL = (
     f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz page witness problems cli commands "
@@ -41,6 +41,7 @@ ROOMS = {
     "spatial": _see("errors", MATH),
     "moved": _see(""),
     "brief": _see("", MATH),
+    "notebook": _see(""),
     "icosphere": _see("brief spatial", MATH),
     # storey 1
     "contact": _see(f"{GROUND}", MATH),
@@ -81,7 +82,7 @@ ROOMS = {
     "testing": _see(f"{GROUND} sim.judge", f"{MATH} mujoco pytest"),
     # storey 5
     "viz": _see(ALL, f"{MATH} mujoco matplotlib mpl_toolkits jinja2 imageio_ffmpeg viser tqdm"),
-    "page": _see(f"{KNOWN} sim problems run_folder viz", f"{MATH} matplotlib"),
+    "page": _see(f"{KNOWN} sim problems run_folder builders viz", f"{MATH} matplotlib"),
     "witness": _see(ALL, f"{MATH} mujoco matplotlib tqdm clarabel"),
     "problems": _see(ALL, f"{MATH} msgspec tomli_w"),
     "run_folder": _see(f"{GROUND} problems", "tomli_w"),

@@ -77,7 +77,7 @@ def test_a_new_verdict_renews_the_page_that_is_there(
 ) -> None:
     make_older_run(cwd / "a")
     pipeline.draw_run = lambda *given: None
-    pipeline.validate = lambda problem, plan, trace: FakeReport("fail")
+    pipeline.validate_as_recorded = lambda problem, plan, trace: FakeReport("fail")
     assert main(["validate", "a"]) == 1
     assert len(told) == 1
     (cwd / "a/report.html").unlink()

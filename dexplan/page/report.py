@@ -6,6 +6,9 @@ from importlib import resources
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
+from dexplan.builders import build_scene
 from dexplan.page.html import Child, as_html, build
 from dexplan.page.judgement import (
     build_checks,
@@ -17,7 +20,7 @@ from dexplan.page.judgement import (
 )
 from dexplan.page.origin import build_origin, build_physics
 from dexplan.page.pictures import Pictures, choose_times, draw_pictures
-from dexplan.page.story import build_figures, build_film, build_plan, build_scene
+from dexplan.page.story import build_figures, build_film, build_plan, build_start
 from dexplan.page.subject import Subject
 from dexplan.plans.plan import Plan
 from dexplan.plans.status import Status
@@ -51,17 +54,23 @@ def write_report(
     plan: Plan,
     trace: Trace | None = None,
     report: ValidationReport | None = None,
-    *,
-    scene: Trace | None = None,
 ) -> Path:
     """Write ``report.html`` into the folder of a run, whole or not at all; return its path.
 
     Summary, refusal picture and film are taken from the folder where they are there. Without ``trace`` and ``report`` the page is
-    about a refusal; ``scene`` is then a trace of one sample that shows the hand as it would have started.
+    about a refusal.
     """
     path = Path(folder) / PAGE
+    scene = _show_start(problem, plan) if trace is None else None
     write_whole(path, render_page(Subject(Path(folder), problem, plan, trace, report, scene)))
     return path
+
+
+def _show_start(problem: Problem, plan: Plan) -> Trace:
+    """Return a trace of one sample: the hand at home around the object where it starts."""
+    scene = build_scene(problem)
+    qpos = scene.as_qpos(np.stack([finger.q_home for finger in scene.fingers]), plan.X_WO_start)
+    return Trace(scene.xml, {"time": np.zeros(1), "qpos": qpos[None]}, {})
 
 
 def render_page(subject: Subject) -> str:
@@ -70,7 +79,7 @@ def render_page(subject: Subject) -> str:
     curves: Curves | None = None
     if subject.trace is None:
         pictures = Pictures() if subject.scene is None else draw_pictures(subject.scene, None, [0.0])
-        shown = [build_figures(subject), build_scene(subject, pictures)]
+        shown = [build_figures(subject), build_start(subject, pictures)]
         # What is in the way is seen in the scene, what is out of reach in the figure.
         is_blocked = subject.plan.status is Status.BLOCKED
         sections = [build_refusal(subject), *(reversed(shown) if is_blocked else shown)]

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+from dexplan.builders import build_margin_limits
 from dexplan.page.html import Child, as_data_uri, build, build_picture, build_section
 from dexplan.page.pictures import Pictures
 from dexplan.page.subject import Subject, name_action
+from dexplan.plans.margins import MarginLimits, describe_margins, find_tightest
 from dexplan.plans.words import describe_goal_contacts, explain_action
 from dexplan.viz.summary_panels import describe_briefly
 from dexplan.viz.timeline import build_action_spans
@@ -49,7 +51,7 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
         parts.append(build("p", f"Speed: {plan.speed}."))
     if pictures.missing:
         parts.append(build("p", f"There are no pictures of the hand: {pictures.missing}", class_="note"))
-    entries, before = [], plan.start_contacts
+    entries, before, limits = [], plan.start_contacts, build_margin_limits(subject.problem)
     for k, action in enumerate(plan.actions):
         sentence = explain_action(plan.fingers, action, before)
         span = spans.get(k)
@@ -62,7 +64,7 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
             build("h3", f"{k + 1}. {describe_briefly(plan, k)}"),
             build("p", when, class_="when") if when else None,
             build("p", f"{sentence[:1].upper()}{sentence[1:]}."),
-            _build_margins(action.margins),
+            _build_margins(action.margins, limits),
         )
         picture = pictures.get(times.get(k))
         shown = None
@@ -76,11 +78,19 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
     return build_section("plan", f"The plan in words: {len(plan.actions)} actions", parts)
 
 
-def _build_margins(margins: Mapping[str, float]) -> Element | None:
-    if not margins:
+def _build_margins(margins: Mapping[str, float], limits: MarginLimits) -> Element | None:
+    """Return what an action leaves to spare at its worst instant, beside its limits, the tightest in bold."""
+    described = describe_margins(margins, limits)
+    if not described:
         return None
-    told = ", ".join(f"{key.replace('_', ' ')} {value:.3g}" for key, value in margins.items())
-    return build("p", f"Left at the worst instant: {told}", class_="note")
+    tightest = find_tightest(described)
+    told: list[Child] = []
+    for margin in described:
+        told += [
+            ", " if told else "",
+            build("b", f"{margin} (tightest)") if margin is tightest else str(margin),
+        ]
+    return build("p", "At the worst instant: ", told, class_="note")
 
 
 def build_figures(subject: Subject) -> Element | None:
@@ -103,7 +113,7 @@ def _build_figure(path: Path, words: str) -> Element:
     return build("figure", picture, build("figcaption", f"{words}.", class_="note"))
 
 
-def build_scene(subject: Subject, pictures: Pictures) -> Element | None:
+def build_start(subject: Subject, pictures: Pictures) -> Element | None:
     """Return the hand as it would have started, for a refusal."""
     if not pictures.by_time:
         return None

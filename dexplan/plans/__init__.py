@@ -13,6 +13,7 @@
 ``tip_roll``  the path of a tip that rolls while it holds
 ``forces``    ``NormalForces``: how hard a contact presses, with the usual values
 ``words``     a plan's parts in words
+``margins``   what an action leaves to spare, in words beside its limits
 ``speed``     how fast the object turns, and what keeps it from turning faster
 ============  ===========================================================================
 
@@ -28,6 +29,7 @@ __all__ = [
     "contacts",
     "forces",
     "goal",
+    "margins",
     "motion",
     "pace",
     "phases",

@@ -20,11 +20,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from dexplan.builders import build_hand, build_scene
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.regions import Regions, compute_regions
 from dexplan.planning.regions.spherical import SphericalRegion
 from dexplan.plans.plan import Plan
 from dexplan.plans.status import Status
+from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 from dexplan.viz.canvas import write_picture
 from dexplan.viz.palette import ALARM, INK, get_finger_color, tint
@@ -65,6 +67,19 @@ class _Stage:
     name: str
     regions: Regions
     asked: Asked | None
+
+
+def draw_refused_problem(problem: Problem, plan: Plan, path: str | os.PathLike[str]) -> Path:
+    """Write the picture of why ``plan`` refuses ``problem``; return its path.  See :func:`draw_refusal`."""
+    start, goal = problem.start.contacts_deg, problem.goal.contacts_deg
+    return draw_refusal(
+        build_hand(problem, build_scene(problem)),
+        plan,
+        None if isinstance(start, str) else compute_contact_directions(start),
+        None if goal is None else compute_contact_directions(goal),
+        path,
+        problem.name,
+    )
 
 
 def draw_refusal(

@@ -208,7 +208,7 @@ def _refuse() -> Plan:
 
 def test_a_refusal_says_what_stood_in_the_way(tmp_path: Path, problem: Problem, drawn: list[float]) -> None:
     imsave(tmp_path / "refusal.png", np.zeros((8, 8, 3)))
-    page = check_page(write_report(tmp_path, problem, _refuse(), scene=make_trace(duration=0.02)))
+    page = check_page(write_report(tmp_path, problem, _refuse()))
     assert "⊘ REFUSED no_gait" in page.text
     assert {"refusal", "figures", "scene", "origin"} <= page.anchors
     assert not {"checks", "plan", "film", "physics"} & page.anchors

@@ -25,6 +25,7 @@ __all__ = [
     "limits",
     "replay",
     "report",
+    "true_world",
     "validate",
     "world",
 ]
