@@ -148,6 +148,8 @@ class Run(Speaking):
     """Folder for the files."""
     video: bool = False
     """Also make video.mp4."""
+    report: bool = True
+    """Also write report.html, one page with everything."""
     seed: _Seed = None
     """Replace the problem's seed."""
     controller: _Controller = None
@@ -157,7 +159,7 @@ class Run(Speaking):
 
     def run(self) -> int:
         """Do it; return the exit code."""
-        given = runs.Given(self.seed, self.controller, self.truths)
+        given = runs.Given(self.seed, self.controller, self.truths, self.report)
         return runs.run(self.problem, self.sets, self.out, self.video, given)
 
 

@@ -43,7 +43,7 @@ from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.true_world import check_world, read_recorded_world
-from dexplan.run_folder import RUN_FILES, check_replaceable, save_problem, write_whole
+from dexplan.run_folder import RUN_FILES, check_replaceable, drop_told, save_problem, write_whole
 from dexplan.scene.scene import Scene
 from dexplan.sim.judge.true_world import join_world
 from dexplan.sim.judge.validate import ValidationReport, validate_run
@@ -257,10 +257,8 @@ def save_run(
     plan.save(folder / "plan.json")
     write_whole(folder / "model.xml", trace.model_xml)
     trace.save(folder / "trace.npz")
+    drop_told(folder)
     if report is None:
-        # A report and a figure of an older run would speak of this one.
-        for name in ("report.json", "summary.png"):
-            (folder / name).unlink(missing_ok=True)
         return folder
     report.save(folder / "report.json")
     draw_run(folder, problem, plan, trace, report)
@@ -275,6 +273,26 @@ def draw_run(
 
     true = join_world(problem.as_dict(), read_recorded_world(problem, trace.meta))
     draw_summary(true, plan, trace, report, Path(folder) / "summary.png")
+
+
+def write_report(
+    folder: str | Path,
+    problem: Problem,
+    plan: Plan,
+    trace: Trace | None = None,
+    report: ValidationReport | None = None,
+) -> Path:
+    """Write ``report.html``, one page with everything, into a run folder; without ``trace`` and ``report`` about a refusal."""
+    from dexplan.page.report import write_report as write
+
+    return write(folder, problem, plan, trace, report)
+
+
+def draw_refusal(folder: str | Path, problem: Problem, plan: Plan) -> Path:
+    """Draw what the hand can reach and hold of what a refused problem asks, ``refusal.png``; return its path."""
+    from dexplan.viz.refusal import draw_refused_problem
+
+    return draw_refused_problem(problem, plan, Path(folder) / "refusal.png")
 
 
 class SavedRun(NamedTuple):

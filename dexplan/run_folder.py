@@ -25,10 +25,13 @@ if TYPE_CHECKING:
 OUTPUT = "--out"
 PLAN_FILES = ("problem.toml", "plan.json")
 """What ``dexplan plan`` writes; a folder with more than these of ours holds a run."""
-RUN_FILES = (*PLAN_FILES, "model.xml", "trace.npz", "report.json", "summary.png")
+PAGE = "report.html"
+RUN_FILES = (*PLAN_FILES, "model.xml", "trace.npz", "report.json", "summary.png", PAGE)
 """What ``dexplan run`` writes."""
 LATER_FILES = ("frames.png", "video.mp4", "crash.txt")
 """What is made of a run afterwards, or left by a crash; they go with the run that they belong to."""
+REFUSAL_FILES = ("refusal.png",)
+"""What ``dexplan run`` writes beside problem, plan and page where there is no plan to run; a later plan may replace it."""
 STILLS = "frames"
 """Folder in a run folder with pictures of the run."""
 INSPECT_FILES = ("inspect.png",)
@@ -62,7 +65,8 @@ def choose_run_folder(
     kept = _is_same(folder / "problem.toml", source) and _says_the_same(folder / "problem.toml", problem)
     _refuse_foreign(folder, [n for n in names if not (kept and n == "problem.toml")], source, is_asked)
     stills = [f"{STILLS}/{path.name}" for path in list_stills(folder / STILLS)]
-    ours = tuple(n for n in (*RUN_FILES, *LATER_FILES, *stills) if _is_ours_beside(folder, n, source))
+    older = (*RUN_FILES, *LATER_FILES, *REFUSAL_FILES, *stills)
+    ours = tuple(n for n in older if _is_ours_beside(folder, n, source))
     return Target(folder, ours)
 
 
@@ -82,7 +86,8 @@ def choose_plan_folder(folder: Path, source: Path | None, is_asked: bool) -> Tar
         _refuse_foreign(folder, PLAN_FILES, source, is_asked)
     else:
         folder = next(place for place in _plan_places(folder) if not _is_taken(place, PLAN_FILES, source))
-    return Target(folder, tuple(n for n in PLAN_FILES if (folder / n).exists()))
+    told = (n for n in (*REFUSAL_FILES, PAGE) if is_ours(folder / n))
+    return Target(folder, (*(n for n in PLAN_FILES if (folder / n).exists()), *told))
 
 
 def choose_inspect_folder(folder: Path, source: Path | None, is_asked: bool) -> Target:
@@ -93,7 +98,7 @@ def choose_inspect_folder(folder: Path, source: Path | None, is_asked: bool) -> 
 
 def choose_crash_folder(folder: Path) -> Path:
     """Return where to leave the evidence of a defect: ``folder`` if nothing of a problem is in it, else one beside it."""
-    names = (*RUN_FILES, *LATER_FILES)
+    names = (*RUN_FILES, *LATER_FILES, *REFUSAL_FILES)
     places = [
         folder,
         *(folder.with_name(f"{folder.name}.crash{k}") for k in ("", *(f".{n}" for n in range(2, 100)))),
@@ -123,8 +128,17 @@ def check_film_replaceable(path: Path) -> None:
 
 
 def find_run_files(folder: Path) -> tuple[str, ...]:
-    """Return the files of ours in ``folder`` that only a run, or what was made of one, leaves."""
-    return tuple(n for n in (*RUN_FILES, *LATER_FILES) if n not in PLAN_FILES and is_ours(folder / n))
+    """Return the files of ours in ``folder`` that only a run, or what was made of one, leaves; a refusal is no run."""
+    names = [n for n in (*RUN_FILES, *LATER_FILES) if n not in PLAN_FILES and is_ours(folder / n)]
+    is_refusal = names == [PAGE] and any(is_ours(folder / n) for n in REFUSAL_FILES)
+    return () if is_refusal else tuple(names)
+
+
+def drop_told(folder: Path) -> None:
+    """Remove what an older run or refusal left in ``folder`` that tells of it: it would speak of the next one."""
+    for name in ("report.json", "summary.png", PAGE, *REFUSAL_FILES):
+        if is_ours(folder / name):
+            (folder / name).unlink()
 
 
 def list_stills(folder: Path) -> tuple[Path, ...]:
@@ -273,6 +287,13 @@ def _is_picture(path: Path) -> bool:
     )
 
 
+def _is_page(path: Path) -> bool:
+    """A page that names us as its generator."""
+    with path.open(encoding="utf-8") as stream:
+        head = stream.read(4096)
+    return head.startswith("<!doctype html>") and f'<meta name="generator" content="{MARK}">' in head
+
+
 def _is_film(path: Path) -> bool:
     content = path.read_bytes()
     return content[4:8] == b"ftyp" and MARK.encode() in content
@@ -303,6 +324,8 @@ _TESTS: dict[str, Callable[[Path], bool]] = {
     "trace.npz": _is_trace,
     "report.json": _is_report,
     "summary.png": _is_picture,
+    "refusal.png": _is_picture,
+    "report.html": _is_page,
     "frames.png": _is_picture,
     "inspect.png": _is_picture,
     "video.mp4": _is_film,

@@ -16,6 +16,7 @@ from dexplan.problems.read import load_problem
 from dexplan.sim.trace import Trace
 from dexplan.viz.canvas import write_picture
 
+PAGE = '<!doctype html>\n<html><head><meta name="generator" content="dexplan"></head></html>'
 FILM = b"\0\0\0\x20ftypisom dexplan"
 
 
@@ -57,11 +58,17 @@ def save_run(folder: Path, problem: Problem, *given: Any) -> None:
     Trace("<mujoco/>", {"time": np.zeros(1)}, {}).save(folder / "trace.npz")
 
 
+def draw_nothing(path: Path) -> None:
+    """Write a picture of ours."""
+    write_picture(FigureCanvasAgg(Figure(figsize=(1, 1))), path)
+
+
 def make_older_run(folder: Path) -> None:
     """Fill a folder with a run of ours, pictures and film included."""
     save_run(folder, load_problem("hold_three"))
     for name in ("summary.png", "frames.png"):
-        write_picture(FigureCanvasAgg(Figure(figsize=(1, 1))), folder / name)
+        draw_nothing(folder / name)
+    (folder / "report.html").write_text(PAGE)
     (folder / "video.mp4").write_bytes(FILM)
 
 
@@ -74,6 +81,8 @@ def make_pipeline() -> SimpleNamespace:
         validate_as_recorded=lambda problem, plan, trace: FakeReport("pass"),
         inspect=lambda problem, folder: "the numbers",
         save_run=save_run,
+        write_report=lambda folder, *given: (folder / "report.html").write_text(PAGE),
+        draw_refusal=lambda folder, *given: draw_nothing(folder / "refusal.png"),
         load_run=lambda folder: ("problem", "plan", "trace"),
         render_run=lambda folder, path=None, options=None, progress=None: (
             path or folder / "video.mp4"

@@ -31,7 +31,7 @@ def _see(names: str, third_party: str = "") -> Room:
 GROUND = "errors spatial brief notebook icosphere moved"
 MATH = "numpy scipy"
 ALL = (
-    f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz witness problems cli commands "
+    f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz page witness problems cli commands "
     "arguments builders pipeline run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plans scene"
@@ -80,6 +80,7 @@ ROOMS = {
     "testing": _see(f"{GROUND} sim.judge", f"{MATH} mujoco pytest"),
     # storey 5
     "viz": _see(ALL, f"{MATH} mujoco matplotlib mpl_toolkits jinja2 imageio_ffmpeg viser tqdm"),
+    "page": _see(f"{KNOWN} sim problems run_folder builders viz", f"{MATH} matplotlib"),
     "witness": _see(ALL, f"{MATH} mujoco matplotlib tqdm clarabel"),
     "problems": _see(ALL, f"{MATH} msgspec tomli_w"),
     "run_folder": _see(f"{GROUND} problems", "tomli_w"),

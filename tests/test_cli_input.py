@@ -146,8 +146,16 @@ def test_no_plan_is_an_honest_no(
     out, err = capsys.readouterr()
     assert out.splitlines()[-1] == "REFUSED start_out_of_reach: the reason"
     assert err.startswith("dexplan: replaces what is in there of an older run: problem.toml, plan.json, ")
-    assert sorted(f.name for f in old.iterdir()) == ["notes.txt", "plan.json", "problem.toml"]
+    assert sorted(f.name for f in old.iterdir()) == [
+        "notes.txt",
+        "plan.json",
+        "problem.toml",
+        "refusal.png",
+        "report.html",
+    ]
+    # A refusal is no run: a plan may take its place, and leaves nothing that speaks of it.
     assert main(["plan", "hold_two", "--out", "there"]) == 1
+    assert sorted(f.name for f in old.iterdir()) == ["notes.txt", "plan.json", "problem.toml"]
     assert "start_out_of_reach" in capsys.readouterr().out
 
 
@@ -163,7 +171,7 @@ def test_run_saves_everything_and_ends_with_the_verdict(
     assert out.splitlines()[-1].startswith(verdict.upper())
     assert err == ""
     assert seeds == [(7, None)]
-    names = {"problem.toml", "plan.json", "model.xml", "trace.npz", "report.json", "video.mp4"}
+    names = {"problem.toml", "plan.json", "model.xml", "trace.npz", "report.json", "report.html", "video.mp4"}
     assert {f.name for f in (cwd / "runs" / "hold_two").iterdir()} == names
     assert main(["validate", "runs/hold_two"]) == code
     assert capsys.readouterr().out.splitlines()[-1].startswith(verdict.upper())

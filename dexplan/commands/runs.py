@@ -29,11 +29,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Given:
-    """What else a run may be given: a seed, the name of a controller, and assignments of what is true of the world."""
+    """What else a run may be given: a seed, the name of a controller, assignments of what is true of the world."""
 
     seed: int | None = None
     controller: str | None = None
     truths: Sequence[str] = ()
+    page: bool = True
+    """Whether a page about the run is written."""
 
 
 def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, given: Given = Given()) -> int:
@@ -52,6 +54,10 @@ def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, gi
         planned.save(folder / "plan.json")
         say(planned.explain(build_margin_limits(problem)))
         if not planned.is_solved:
+            with show_work("drawing"):
+                pipeline.draw_refusal(folder, problem, planned)
+                if given.page:
+                    pipeline.write_report(folder, problem, planned)
             _tell_files(folder)
             conclude(f"REFUSED {planned.status}: {' '.join(planned.reason.split())}")
             return HONEST_NO
@@ -66,13 +72,17 @@ def run(name: str, assignments: Sequence[str], out: Path | None, video: bool, gi
             raise
         try:
             pipeline.save_run(folder, problem, planned, trace, report)
-        except OSError:
+            filmed = _make_video(folder) if video else CONFIRMED
+            # Last, for the page holds the others.
+            if given.page:
+                with show_work("writing the page"):
+                    pipeline.write_report(folder, problem, planned, trace, report)
+        except BaseException:
             # Whatever the disk says, the work is done; its answer is not kept back.
             _judge(report)
             raise
         _tell_files(folder)
-        code = _judge(report)
-        return max(code, _make_video(folder)) if video else code
+        return max(_judge(report), filmed)
 
 
 def validate(folder: Path) -> int:
@@ -94,6 +104,9 @@ def validate(folder: Path) -> int:
             if is_news and run_folder.is_ours(folder / "summary.png"):
                 pipeline.draw_run(folder, problem, plan, trace, report)
                 written += ", summary.png"
+            if is_news and run_folder.is_ours(folder / "report.html"):
+                pipeline.write_report(folder, problem, plan, trace, report)
+                written += ", report.html"
             say(f"written to {folder}: {written}")
     except (KeyError, ValueError) as error:
         # A record may lack what only the figure shows, or hold no numbers there; it is judged all the same.
@@ -137,9 +150,23 @@ def render(folder: Path, out: Path | None = None, options: FilmOptions | None = 
     path = folder / "video.mp4" if out is None else out
     run_folder.check_film_replaceable(path)
     code = _make_video(folder, path, options)
+    if code == CONFIRMED and out is None and run_folder.is_ours(folder / "report.html"):
+        _renew_page(folder)
     if code == CONFIRMED:
         conclude(path)
     return code
+
+
+def _renew_page(folder: Path) -> None:
+    """Write the page of a run again, with the film that it has now; a run that was not judged keeps the page it has."""
+    from dexplan import pipeline
+    from dexplan.sim.judge.validate import ValidationReport
+
+    try:
+        report = ValidationReport.load(folder / "report.json")
+    except RunFolderError:
+        return
+    pipeline.write_report(folder, *pipeline.load_run(folder), report)
 
 
 def draw_stills(folder: Path, out: Path | None, every: float | None, camera: str | None) -> int:
@@ -195,7 +222,11 @@ def draw_figures(runs: Sequence[str], most: int, camera: str | None, seed: int |
 
 def _tell_files(folder: Path) -> None:
     """Say where a run has left its files."""
-    names = [name for name in (*run_folder.RUN_FILES, *run_folder.LATER_FILES) if (folder / name).is_file()]
+    names = [
+        name
+        for name in (*run_folder.RUN_FILES, *run_folder.LATER_FILES, *run_folder.REFUSAL_FILES)
+        if (folder / name).is_file()
+    ]
     say(f"written to {folder}: {', '.join(names)}")
 
 

@@ -147,7 +147,7 @@ class _PhaseBuilder:
 
     def build(self) -> list[Phase]:
         """Return the phases of the action.  Raises ValueError where the plan says too little, or what makes no sense."""
-        action, name = self.action, f"action {self.index} ({self.action.name})"
+        action, name = self.action, f"action {self.index + 1} ({self.action.name})"
         if not action.is_timed:
             raise ValueError(f"{name} has not been timed; time the plan first")
         expected = 2 + action.has_travel if isinstance(action, Relocate) else 1

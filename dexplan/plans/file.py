@@ -150,11 +150,11 @@ class PlanReader:
                 )
                 if action.name != data["kind"]:
                     raise ValueError(
-                        f"action {data['index']} is called {data['kind']}, and is a {action.name}"
+                        f"action {data['index'] + 1} is called {data['kind']}, and is a {action.name}"
                     )
                 return action
             case other:
-                raise ValueError(f"action {data['index']} is of kind {other!r}")
+                raise ValueError(f"action {data['index'] + 1} is of kind {other!r}")
 
     def _read_shared(self, data: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values that every action has."""
@@ -166,7 +166,7 @@ class PlanReader:
             np.array(data["shift_W_m"]),
         )
         if not np.allclose(motion.X_WO_end, read_pose(data["object_pose_end"]), rtol=0.0, atol=SAME_POSE):
-            raise ValueError(f"action {data['index']} does not end at its object_pose_end")
+            raise ValueError(f"action {data['index'] + 1} does not end at its object_pose_end")
         return {
             "motion": motion,
             "grasping": tuple(self._index[name] for name in data["grasping"]),

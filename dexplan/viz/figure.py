@@ -1,10 +1,11 @@
-"""One picture per run: who held when, how hard, how near to slipping, and where the object went."""
+"""One picture per run: who held when, how hard, how near to slipping, how exactly, and how near to each limit."""
 
 from __future__ import annotations
 
 import os
 import textwrap
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +15,40 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from scipy.spatial.transform import Rotation
 
 from dexplan.plans.plan import Plan
+from dexplan.sim.judge.report import HEADLINES
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.sim.trace import Trace
-from dexplan.spatial import Array
+from dexplan.viz import summary_panels as panels
 from dexplan.viz.canvas import write_picture
-from dexplan.viz.curves import Curves, compute_curves
-from dexplan.viz.palette import ACTION_SHADES, ALARM, INK, OTHER_SHADE, get_finger_color
-from dexplan.viz.timeline import GaitRow, Span, build_action_spans, build_gait_rows
+from dexplan.viz.check_words import FAILED, describe_check, list_used_limits, spell, spell_beside, spell_limit
+from dexplan.viz.curves import Curves, compute_curves, find_arrivals, read_limit
+from dexplan.viz.palette import ALARM, INK, UNJUDGED, tint
+from dexplan.viz.timeline import build_action_spans, build_gait_rows
 
-UTILISATION_LIMIT = 0.9
-"""Where the summary draws the line when the problem names none."""
-LEAST_LABEL_SHARE = 0.018
-"""An action shorter than this share of the run gets no number."""
-LEAST_ERROR = 0.01
-"""The axes of errors reach at least this far [mm], [deg]."""
-LEAST_LIMIT_SHARE = 0.06
-"""An action shorter than this share of the run has no room for the name of its limit."""
+WIDTH = 14.0
+"""Of the picture, in inches of 100 pixels."""
+TOP, BETWEEN, BELOW = 2.3, 0.22, 0.35
+"""Room above the first panel for the heading and the actions' names, between panels, and below the last one [in]."""
+LINE, KEYS = 0.16, 1.08
+"""Height of what is said beside the verdict, a line of it, and from the keys down to the first panel [in]."""
+LINE_LENGTH = 190
+"""Characters in a line of what is said beside the verdict."""
+MOST_BARS = 9
+"""How many checks the summary compares with their limits."""
+LEAST_SHIFT = 1e-4
+"""A goal nearer than this to the start [m] asks for no shift."""
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """A panel of the summary: what it shows, its height [in]."""
+
+    kind: str
+    height: float
+    finger: int = 0
 
 
 def draw_summary(
@@ -41,194 +58,134 @@ def draw_summary(
     report: ValidationReport | None,
     path: str | os.PathLike[str],
 ) -> Path:
-    """Write the summary of a run as a PNG of 1400 x 1200 pixels, whole or not at all; return its path.
+    """Write the summary of a run as a PNG, 1400 pixels wide, whole or not at all; return its path.
 
-    ``problem`` is the data of ``problem.toml``; without it frictions are read from the trace's model.
+    ``problem`` is the data of ``problem.toml``, whose limits are drawn; without it those of the package are.
     """
     curves = compute_curves(problem, plan, trace)
-    spans = build_action_spans(trace)
-    figure = Figure(figsize=(14.0, 12.0), dpi=100, facecolor="white")
+    spans, rows = build_action_spans(trace), build_gait_rows(trace)
+    goal_limit = read_limit(problem, "contact_error_final_deg")
+    arrivals = find_arrivals(curves, goal_limit)
+    used = () if report is None else list_used_limits(report)[:MOST_BARS]
+    shown = _choose_panels(plan, len(rows))
+    said = () if report is None else _fold(report.reservations)
+    heading = TOP + LINE * max(len(said) - 2, 0)
+    bars_height = 0.24 * len(used) + 0.9 if used else 0.0
+    height = heading + sum(p.height + BETWEEN for p in shown) + BELOW + bars_height
+    figure = Figure(figsize=(WIDTH, height), dpi=100, facecolor="white")
     canvas = FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(
-        5,
-        1,
-        height_ratios=[1.5, 1.5, 1.2, 1.2, 1.0],
-        hspace=0.16,
-        left=0.07,
-        right=0.93,
-        top=0.88,
-        bottom=0.05,
-    )
-    gait = figure.add_subplot(grid[0])
-    axes = [gait, *(figure.add_subplot(grid[k], sharex=gait) for k in range(1, 5))]
-    for ax in axes:
-        _shade_actions(ax, plan, spans)
-        ax.tick_params(labelbottom=ax is axes[-1])
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.set_axisbelow(True)
-        ax.grid(axis="y", color="#DDDDDD", linewidth=0.6)
-    rows = build_gait_rows(trace)
-    _draw_gait(axes[0], plan, rows, spans)
-    _draw_forces(axes[1], curves, rows)
-    _draw_utilisation(axes[2], curves, _read_limit(problem))
-    _draw_errors(axes[3], curves)
-    _draw_turn(axes[4], curves)
+    axes: list[Axes] = []
+    top = height - heading
+    for panel in shown:
+        place = (0.075, (top - panel.height) / height, 0.785, panel.height / height)
+        ax = figure.add_axes(place, sharex=axes[0] if axes else None)
+        top -= panel.height + BETWEEN
+        axes.append(ax)
+        panels.style_panel(ax)
+        panels.shade_actions(ax, spans)
+        ax.tick_params(labelbottom=panel is shown[-1])
+        match panel.kind:
+            case "gait":
+                panels.draw_gait(ax, plan, rows, spans, arrivals)
+                panels.label_actions(ax, plan, spans)
+            case "force":
+                panels.draw_force(ax, curves, panel.finger)
+            case "friction":
+                panels.draw_utilisation(ax, curves, read_limit(problem, "friction_utilisation_max"))
+            case "goals":
+                panels.draw_goals(ax, curves, plan, goal_limit, arrivals)
+            case "errors":
+                limits = (
+                    read_limit(problem, f"{n}") for n in ("position_error_max_mm", "rotation_error_max_deg")
+                )
+                panels.draw_errors(ax, curves, *limits)
+            case "turned":
+                goal = _find_goal_turn(plan)
+                panels.draw_progress(
+                    ax, curves.time, curves.turned_deg, curves.turned_reference_deg, goal, "deg"
+                )
+                ax.set_ylabel("object\nturned [°]", fontsize=9)
+            case "shifted":
+                goal = 1e3 * _measure_shift(plan)
+                panels.draw_progress(
+                    ax, curves.time, curves.shifted_mm, curves.shifted_reference_mm, goal, "mm"
+                )
+                ax.set_ylabel("object\nshifted [mm]", fontsize=9)
+    axes[-1].set_xlabel("time [s]", fontsize=10)
+    if used:
+        bottom = 0.35 / height
+        bars = figure.add_axes((0.225, bottom, 0.645, (bars_height - 0.75) / height))
+        panels.style_panel(bars)
+        panels.draw_used_limits(bars, used)
     _write_heading(figure, problem, plan, trace, report)
-    _draw_keys(figure, plan, rows, has_planned="contact_force_reference" in trace)
+    _draw_keys(figure, plan, curves, heading - KEYS)
     return write_picture(canvas, path)
 
 
-def _read_limit(problem: Mapping[str, Any] | None) -> float:
-    acceptance = {} if problem is None else problem.get("acceptance", {})
-    return float(acceptance.get("friction_utilisation_max", UTILISATION_LIMIT))
+def _choose_panels(plan: Plan, finger_count: int) -> list[_Panel]:
+    """Return the panels from top to bottom: what this plan has nothing of is left out."""
+    shown = [_Panel("gait", 0.38 * finger_count + 0.2)]
+    shown += [_Panel("force", 0.72, finger) for finger in range(finger_count)]
+    shown.append(_Panel("friction", 1.5))
+    if any(contact is not None for contact in plan.goal_contacts or ()):
+        shown.append(_Panel("goals", 1.2))
+    shown.append(_Panel("errors", 1.2))
+    shown.append(_Panel("turned", 1.1))
+    if _measure_shift(plan) > LEAST_SHIFT:
+        shown.append(_Panel("shifted", 0.9))
+    return shown
 
 
-def _shade_actions(ax: Axes, plan: Plan, spans: tuple[Span, ...]) -> None:
-    for span in spans:
-        ax.axvspan(span.start, span.end, color=_shade(plan, span), linewidth=0.0, zorder=0)
+def _measure_shift(plan: Plan) -> float:
+    return float(np.linalg.norm(plan.X_WO_goal[:3, 3] - plan.X_WO_start[:3, 3]))
 
 
-def _shade(plan: Plan, span: Span) -> str:
-    if not 0 <= span.action_index < len(plan.actions):
-        return OTHER_SHADE
-    return ACTION_SHADES.get(plan.actions[span.action_index].name, OTHER_SHADE)
+def _find_goal_turn(plan: Plan) -> float | None:
+    """Return the turn that is asked for [deg]; None for a goal that is a grasp."""
+    if plan.goal_kind == "grasp_adjustment":
+        return None
+    if plan.turned_angle is not None:
+        return float(np.degrees(plan.turned_angle))
+    turn = Rotation.from_matrix(plan.X_WO_goal[:3, :3] @ plan.X_WO_start[:3, :3].T)
+    return float(np.degrees(turn.magnitude()))
 
 
-def _draw_gait(ax: Axes, plan: Plan, rows: tuple[GaitRow, ...], spans: tuple[Span, ...]) -> None:
-    for k, row in enumerate(rows):
-        ax.axhline(k, color="#999999", linewidth=0.8, zorder=1)
-        bars = [(start, end - start) for start, end in row.holding]
-        ax.broken_barh(bars, (k - 0.3, 0.6), facecolors=get_finger_color(k), zorder=2)
-    length = spans[-1].end - spans[0].start if spans else 0.0
-    for span in spans:
-        if not 0 <= span.action_index < len(plan.actions):
-            continue
-        action = plan.actions[span.action_index]
-        for roll in action.rolls:
-            bar: dict[str, Any] = {
-                "facecolors": "none",
-                "edgecolor": "white",
-                "hatch": "////",
-                "linewidth": 0.0,
-            }
-            ax.broken_barh([(span.start, span.end - span.start)], (roll.finger - 0.3, 0.6), zorder=3, **bar)
-        if span.end - span.start >= LEAST_LABEL_SHARE * length:
-            middle = 0.5 * (span.start + span.end)
-            ax.annotate(
-                str(span.action_index + 1),
-                (middle, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(0, 2),
-                textcoords="offset points",
-                ha="center",
-                fontsize=9,
-            )
-        if action.limiting_finger is not None:
-            mark: dict[str, Any] = {"marker": "X", "markersize": 9, "markeredgecolor": "white"}
-            ax.plot([span.end], [action.limiting_finger], color=INK, zorder=4, clip_on=False, **mark)
-            if action.limit and span.end - span.start >= LEAST_LIMIT_SHARE * length:
-                _write_limit(ax, action.limit, span.end, action.limiting_finger)
-    ax.set_yticks(range(len(rows)), [row.finger for row in rows])
-    for k, label in enumerate(ax.get_yticklabels()):
-        label.set_color(get_finger_color(k))
-    ax.set_ylim(len(rows) - 0.5, -0.5)
-    if spans:
-        ax.set_xlim(spans[0].start, max(spans[-1].end, spans[0].start + 1e-3))
-
-
-def _write_limit(ax: Axes, limit: str, time: float, row: int) -> None:
-    ax.annotate(
-        limit.replace("_", " "),
-        (time, row),
-        xytext=(-7, 0),
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        fontsize=8,
-        color=INK,
-        zorder=5,
-        parse_math=False,
-        bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.0},
-    )
-
-
-def _draw_forces(ax: Axes, curves: Curves, rows: tuple[GaitRow, ...]) -> None:
-    for k in range(len(rows)):
-        color = get_finger_color(k)
-        ax.plot(curves.time, curves.normal_force[:, k], color=color, linewidth=_width(k), zorder=3)
-        ax.plot(
-            curves.time,
-            curves.normal_force_reference[:, k],
-            color=INK,
-            linewidth=0.9,
-            linestyle=":",
-            zorder=4,
+def describe_goal(plan: Plan) -> str:
+    """Return what is asked for in a few words, for instance ``object manipulation, turn by +360°``."""
+    words = plan.goal_kind.replace("_", " ")
+    turn = _find_goal_turn(plan)
+    if turn is not None and abs(turn) > 0.05:
+        words += (
+            f", turn by {turn:+.0f}°"
+            if plan.turned_angle is not None
+            else f", {turn:.0f}° to a goal attitude"
         )
-    ax.set_ylabel("normal force [N]")
-    known = curves.normal_force_reference[np.isfinite(curves.normal_force_reference)]
-    known = known if len(known) else curves.normal_force[np.isfinite(curves.normal_force)]
-    # Touch-down peaks last a sample or two; the curves matter.
-    ax.set_ylim(0.0, 1.35 * float(np.max(known, initial=1.0)))
+    if _measure_shift(plan) > LEAST_SHIFT:
+        words += f", shift by {1e3 * _measure_shift(plan):.0f} mm"
+    return words
 
 
-def _width(finger: int) -> float:
-    # Later fingers are drawn over earlier ones, thinner, so that equal curves can be told.
-    return max(2.6 - 0.7 * finger, 0.8)
-
-
-def _draw_utilisation(ax: Axes, curves: Curves, limit: float) -> None:
-    for k in range(curves.utilisation.shape[1]):
-        ax.plot(
-            curves.time,
-            np.minimum(curves.utilisation[:, k], 1.15),
-            color=get_finger_color(k),
-            linewidth=_width(k),
-        )
-    ax.axhline(limit, color=INK, linewidth=0.9, linestyle="--")
-    ax.axhline(1.0, color=ALARM, linewidth=1.2)
-    ends: dict[str, Any] = {
-        "xycoords": ("axes fraction", "data"),
-        "textcoords": "offset points",
-        "fontsize": 9,
-        "va": "center",
-    }
-    ax.annotate(f"limit {limit:g}", (1.0, limit), xytext=(4, -3), **ends)
-    ax.annotate("slides", (1.0, 1.0), xytext=(4, 4), color=ALARM, **ends)
-    ax.set_ylim(0.0, 1.15)
-    ax.set_ylabel("friction used [–]")
-
-
-def _draw_errors(ax: Axes, curves: Curves) -> None:
-    ax.plot(curves.time, curves.position_error_mm, color=INK, linewidth=1.2)
-    ax.set_ylabel("position error [mm]")
-    ax.set_ylim(0.0, _find_top(curves.position_error_mm))
-    right = ax.twinx()
-    right.plot(curves.time, curves.rotation_error_deg, color=ALARM, linewidth=1.2, linestyle="--")
-    right.set_ylabel("rotation error [°]", color=ALARM)
-    right.tick_params(axis="y", colors=ALARM)
-    right.tick_params(labelbottom=False)
-    right.set_ylim(0.0, _find_top(curves.rotation_error_deg))
-    right.spines[["top"]].set_visible(False)
-
-
-def _find_top(errors: Array) -> float:
-    """Return where an axis of errors ends; rounding errors are not blown up to fill it."""
-    return 1.08 * float(np.max(errors[np.isfinite(errors)], initial=LEAST_ERROR))
-
-
-def _draw_turn(ax: Axes, curves: Curves) -> None:
-    ax.plot(curves.time, curves.turned_deg, color=INK, linewidth=1.6, label="measured")
-    ax.plot(
-        curves.time,
-        curves.turned_reference_deg,
-        color=ALARM,
-        linewidth=1.0,
-        linestyle="--",
-        label="reference",
-    )
-    ax.set_ylabel("turned [°]")
-    ax.set_xlabel("time [s]")
-    ax.legend(loc="upper left", frameon=False, fontsize=9, ncols=2)
+def describe_verdict(report: ValidationReport) -> str:
+    """Return the verdict in one line with two digits: the numbers that matter, or what failed first."""
+    if report.is_passed:
+        known = {check.name: check for check in report.checks}
+        told = [(word, known[name]) for name, word in HEADLINES if name in known]
+        parts = [
+            f"{word} {spell(check.value, check.unit)}" for word, check in told if check.value is not None
+        ]
+        return "✓ PASS" + (f": {', '.join(parts)}" if parts else "")
+    failed = [check for check in report.checks if check.status == FAILED]
+    if not failed:
+        return "✗ FAIL"
+    first = failed[0]
+    words = f"✗ FAIL: {describe_check(first.name).title} ({first.name})"
+    if first.value is not None:
+        words += f" {spell_beside(first.value, first.limit, first.unit)}"
+    if first.limit is not None:
+        words += f", limit {spell_limit(first.limit, first.unit)}"
+    if first.worst_time_s is not None:
+        words += f", at {first.worst_time_s:.2f} s"
+    return words + (f"; {len(failed) - 1} more" if len(failed) > 1 else "")
 
 
 def _write_heading(
@@ -239,55 +196,66 @@ def _write_heading(
     report: ValidationReport | None,
 ) -> None:
     name = "run" if problem is None else str(problem.get("name", "run"))
-    goal = plan.goal_kind.replace("_", " ")
-    turn = "" if plan.turned_angle is None else f", {np.degrees(plan.turned_angle):+.0f}°"
-    figure.text(
-        0.07, 0.979, f"{name}: {goal}{turn}", fontsize=16, weight="bold", va="center", parse_math=False
-    )
     failure = trace.meta.get("failure")
     if report is not None:
-        line = report.verdict_line()
+        line = describe_verdict(report)
     else:
         line = "not judged yet" if failure is None else f"not judged yet; {failure}"
     is_bad = failure is not None or (report is not None and not report.is_passed)
     color = ALARM if is_bad else INK
-    figure.text(0.07, 0.955, _cut(line, 150), fontsize=11, color=color, va="center", parse_math=False)
-    for k, line in enumerate(() if report is None else _fit(report.reservations)):
-        place = 0.938 - 0.013 * k
-        figure.text(0.07, place, line, fontsize=9, color=ALARM, va="center", parse_math=False)
+    height = figure.get_figheight()
+
+    def write(words: str, inches: float, size: float, **look: Any) -> None:  # noqa: ANN401 - matplotlib's own
+        figure.text(0.075, 1.0 - inches / height, words, fontsize=size, va="center", parse_math=False, **look)
+
+    write(_cut(f"{name}: {describe_goal(plan)}", 95), 0.26, 16, weight="bold")
+    write(_cut(line, 140), 0.56, 12, color=color, weight="bold" if is_bad else "normal")
+    for k, said in enumerate(() if report is None else _fold(report.reservations)):
+        write(said, 0.78 + LINE * k, 9, color=ALARM)
 
 
-def _fit(lines: tuple[str, ...]) -> list[str]:
-    """Return ``lines`` as the two that there is room for above the legend: as they are, or one after the other."""
-    if len(lines) <= 2:
-        return [_cut(line, 190) for line in lines]
-    return textwrap.wrap("; ".join(lines), 190, max_lines=2, placeholder=" …")
+def _fold(sentences: tuple[str, ...]) -> tuple[str, ...]:
+    """Return sentences as lines; nothing of what has to be said beside a verdict is cut off."""
+    return tuple(line for sentence in sentences for line in textwrap.wrap(sentence, LINE_LENGTH))
 
 
 def _cut(line: str, length: int) -> str:
     return line if len(line) <= length else line[: length - 1] + "…"
 
 
-def _draw_keys(figure: Figure, plan: Plan, rows: tuple[GaitRow, ...], has_planned: bool) -> None:
-    actions = [Patch(facecolor=shade, label=kind) for kind, shade in ACTION_SHADES.items()]
-    fingers = [
-        Line2D([], [], color=get_finger_color(k), lw=4, label=row.finger) for k, row in enumerate(rows)
+def _draw_keys(figure: Figure, plan: Plan, curves: Curves, below: float) -> None:
+    height = figure.get_figheight()
+    loud = 100.0 * float(np.mean(~curves.is_quiet)) if len(curves.is_quiet) else 0.0
+    keys: list[Line2D | Patch] = [
+        Line2D([], [], color=tint("#777777"), lw=panels.PLANNED_WIDTH, label="planned (wide, pale)"),
+        Line2D([], [], color=INK, lw=panels.MEASURED_WIDTH, label="measured (thin, dark)"),
+        Patch(
+            facecolor=UNJUDGED,
+            label=f"not judged for friction and forces: a contact changes ({loud:.0f} % of the time)",
+        ),
     ]
-    others: list[Line2D | Patch] = [
-        Line2D([], [], color=INK, marker="X", linestyle="", markersize=8, label="limiting finger"),
-    ]
-    if has_planned:
-        others.append(Line2D([], [], color=INK, linestyle=":", label="planned force"))
+    if any(action.limiting_finger is not None for action in plan.actions):
+        keys.append(
+            Line2D([], [], color=INK, marker="X", linestyle="", markersize=8, label="finger that ends a turn")
+        )
     if any(action.rolls for action in plan.actions):
-        others.append(Patch(facecolor="#888888", edgecolor="white", hatch="////", label="rolls"))
-    handles = [*fingers, *others, *actions]
+        keys.append(Patch(facecolor="#888888", edgecolor="white", hatch="////", label="rolls"))
+    if any(contact is not None for contact in plan.goal_contacts or ()):
+        star: dict[str, Any] = {
+            "marker": "*",
+            "linestyle": "",
+            "markersize": 13,
+            "color": "white",
+            "markeredgecolor": INK,
+        }
+        keys.append(Line2D([], [], **star, label="at its goal contact, to stay"))
     figure.legend(
-        handles=handles,
+        handles=keys,
         loc="center left",
-        bbox_to_anchor=(0.065, 0.908),
-        ncols=len(handles),
+        bbox_to_anchor=(0.07, 1.0 - below / height),
+        ncols=len(keys),
         frameon=False,
         fontsize=9.5,
-        handlelength=1.6,
+        handlelength=1.8,
         columnspacing=1.4,
     )

@@ -208,6 +208,7 @@ def _draw_loads(ax: Axes, hand: HandModel, reach: Reach, loads: PairLoads, is_fi
     low = math.degrees(reach.phi_min) - BELOW_DEG
     ax.axvspan(low, math.degrees(reach.phi_min), color="#F0F0F0", linewidth=0.0, zorder=0)
     ax.axvline(math.degrees(reach.phi_min), color=INK, linewidth=1.0, linestyle="--", zorder=1)
+    ax.text(low + 0.6, 0.97, "cones miss", rotation=90, fontsize=9, va="top", color=INK, zorder=2)
     ax.axhline(hand.limits.torque_share, color=ALARM, linewidth=1.0, linestyle=":", zorder=1)
     # Torques depend on where a pair stands, not on its angle alone; a little sideways shift tells placements apart.
     shift = np.random.default_rng(0).uniform(-0.8, 0.8, len(phi))

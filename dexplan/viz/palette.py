@@ -9,16 +9,13 @@ from dexplan.spatial import Array
 FINGER_COLORS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442")
 """Finger after finger; the object is orange, so that none of the first three is lost in front of it."""
 
-ACTION_SHADES = {
-    "hold": "#E4E4E4",
-    "move_object": "#FBF4B4",
-    "roll": "#D5EDE4",
-    "place": "#D3EAF7",
-    "lift": "#F6DCCB",
-}
-"""Backgrounds behind curves, pale versions of the palette's grey, yellow, bluish green, sky blue and vermilion."""
+FINGER_DASHES: tuple[tuple[float | None, float | None], ...] = ((None, None), (5.0, 1.6), (1.4, 1.2))
+"""Dashes of curves, finger after finger, so that they are told apart without their colours too; (None, None) is a whole line."""
 
-OTHER_SHADE = "#FFFFFF"
+BAND, GUIDE = "#F3F3F3", "#D8D8D8"
+"""Behind every second action, and where actions begin: neutral, so that colours mean fingers and nothing else."""
+UNJUDGED = "#D6D6D6"
+"""Behind stretches that no check looks at."""
 INK = "#222222"
 ALARM = "#D55E00"
 
@@ -26,6 +23,16 @@ ALARM = "#D55E00"
 def get_finger_color(finger: int) -> str:
     """Return the colour of a finger as ``#rrggbb``; beyond the palette's end it starts again."""
     return FINGER_COLORS[finger % len(FINGER_COLORS)]
+
+
+def get_finger_dash(finger: int) -> tuple[float | None, float | None]:
+    """Return the dashes of a finger's curves, for matplotlib; beyond the list's end it starts again."""
+    return FINGER_DASHES[finger % len(FINGER_DASHES)]
+
+
+def tint(color: str, share: float = 0.45) -> str:
+    """Return ``#rrggbb`` mixed with white; ``share`` of it is left."""
+    return "#" + "".join(f"{round(255 * (1.0 - share * (1.0 - part))):02X}" for part in as_rgb(color))
 
 
 def as_rgb(color: str) -> Array:

@@ -8,41 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from small_hand import MU, make_hand
 
-from dexplan.contact.friction import SoftFinger
-from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
 from dexplan.kinematics.workspace import Workspace
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.scene.description import ContactCone
-from dexplan.scene.library import load_scene
-from dexplan.scene.probe import HandProbe
 from dexplan.viz import reach as questions
 from dexplan.viz.maps import describe_reach, draw_reach
 from dexplan.viz.palette import as_rgb, get_finger_color
 from dexplan.viz.reach import compute_reach
 
-MU, MU_T = 0.55 / 1.3, 0.0025 / 1.3
-
 
 @pytest.fixture(scope="module")
 def hand() -> HandModel:
-    """The built-in hand with workspaces of a few hundred postures around home: seeds enough, made in no time."""
-    scene, workspaces = load_scene(), []
-    for finger in scene.fingers:
-        rng = np.random.default_rng(0)
-        q = finger.q_home + rng.uniform(-0.9, 0.9, (4000, 6))
-        q[:, -1] = 0.0
-        q = q[compute_joint_margin(finger.chain, q) > 0.1]
-        X = compute_tip_pose(finger.chain, q)
-        zeros = np.zeros(len(q))
-        workspaces.append(
-            Workspace(
-                finger.chain, q, X[:, :3, 3], X[:, :3, 2], zeros, np.stack([zeros, zeros], axis=1), 0, len(q)
-            )
-        )
-    return HandModel(
-        scene.fingers, scene.object, tuple(workspaces), SoftFinger(MU, MU_T), HandProbe(scene)
-    )  # fmt: skip
+    return make_hand()
 
 
 @pytest.fixture(autouse=True)

@@ -154,7 +154,8 @@ def _check_travels(plan: Plan) -> None:
             moving = plan.actions[beside] if 0 <= beside < len(plan.actions) else None
             if moving is None or all(way.finger != action.finger for way in moving.ways):
                 raise ValueError(
-                    f"action {k} ({action.name}): the motion beside it has no way of {plan.fingers[action.finger]}; plan again"
+                    f"action {k + 1} ({action.name}): the motion beside it has no way of {plan.fingers[action.finger]};"
+                    " plan again"
                 )
 
 

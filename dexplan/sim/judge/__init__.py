@@ -2,6 +2,7 @@
 
 =========================  ==================================================================================
 ``validate``               ``validate_run``: all checks, one ``ValidationReport``
+``report``                 ``ValidationReport``: verdict, checks, and what has to be said beside them
 ``replay``                 ``replay``: the record stepped again, and what every sample shows
 ``limits``                 the limits of the checks (``limits.toml``): which may be set, which way is looser
 ``groups``                 checks in groups: physics, task, contacts, forces, internals
@@ -23,6 +24,7 @@ __all__ = [
     "groups",
     "limits",
     "replay",
+    "report",
     "true_world",
     "validate",
     "world",

@@ -113,7 +113,7 @@ def check_phases_in_order(case: Case) -> CheckResult:
         note.append(f"steps back: {backward.sum()}")
     if left_out:
         a, p = case.phases[left_out[0]]
-        note.append(f"phases never reached: {len(left_out)}, first: action {a} phase {p}")
+        note.append(f"phases never reached: {len(left_out)}, first: action {a + 1}, phase {p + 1}")
     count = int(unknown.sum() + backward.sum()) + len(left_out)
     # An empty plan has no phase that a sample could claim, so it cannot pass here.
     return judge(name, count, limit, "count", float(case.replay.time[-1]) if count else None, "; ".join(note))

@@ -174,10 +174,10 @@ def _judge_grasps(
     values, notes = [], []
     done: dict[bytes, float] = {}
     before: dict[str, Any] = case.plan["start"]["contacts"]
-    for index, action in enumerate(case.plan["actions"]):
+    for number, action in enumerate(case.plan["actions"], start=1):
         held = [(before[finger], action["contacts_end"][finger]) for finger in action["grasping"]]
         for moment, grasp in (("start", [h[0] for h in held]), ("end", [h[1] for h in held])):
-            where = f"action {index} {moment}: {', '.join(action['grasping'])}"
+            where = f"action {number} {moment}: {', '.join(action['grasping'])}"
             if any(contact is None for contact in grasp) or not grasp:
                 return fail(name, unit, f"{where}: a grasping finger has no contact", limit)
             points = np.array([contact["point_O"] for contact in grasp], dtype=np.float64)

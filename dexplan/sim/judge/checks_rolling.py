@@ -75,11 +75,11 @@ def check_roll_path_error_max(case: Case) -> CheckResult:
         samples = np.flatnonzero(action_index == index)
         for roll in action.get("rolls", ()):
             if roll["finger"] not in replay.world.fingers:
-                return fail(name, "deg", f"action {index} rolls a finger that the model lacks", limit)
+                return fail(name, "deg", f"action {index + 1} rolls a finger that the model lacks", limit)
             k = replay.world.fingers.index(roll["finger"])
             if not len(samples) or not replay.contact_active[samples, k].all():
                 return fail(
-                    name, "deg", f"{roll['finger']} lost contact or never rolled in action {index}", limit
+                    name, "deg", f"{roll['finger']} lost contact or never rolled in action {index + 1}", limit
                 )
             found += _compare_roll(case, R_WO, k, samples, roll)
     if not found:
