@@ -10,6 +10,7 @@ import mujoco
 from dexplan.errors import SceneError
 from dexplan.testing.bites import find_bites
 from dexplan.testing.cures import Trial, propose_cures, try_cures
+from dexplan.testing.forces import ForceReport, audit_forces, can_audit
 from dexplan.testing.measurement import Measurement
 from dexplan.testing.scene_file import Drive, find_object, load_drive, load_model
 from dexplan.testing.scene_run import SceneRun
@@ -47,7 +48,10 @@ def measure_run(run: SceneRun, model: mujoco.MjModel, drive: Drive) -> Measureme
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the doctor says: the judgement, the settings that bite, and trials of cures (none where not asked for)."""
+    """What the doctor says: the judgement, the settings that bite, and trials of cures (none where not asked for).
+
+    ``forces``: whether any contact forces could hold the object, None where it is not free.
+    """
 
     judged: Judgement
     bites: tuple[str, ...]
@@ -55,6 +59,7 @@ class Diagnosis:
     trials: tuple[Trial, ...]
     notes: tuple[str, ...]
     unstable: tuple[str, ...] = ()
+    forces: ForceReport | None = None
 
     @property
     def is_well(self) -> bool:
@@ -67,6 +72,7 @@ class Diagnosis:
 
     def __str__(self) -> str:
         lines = [*self.notes, str(self.judged) if self.judged.verdicts else "nothing touched"]
+        lines += [] if self.forces is None else [str(self.forces)]
         lines += [f"bites: {sentence}" for sentence in self.bites]
         lines += [f"may help: {sentence}" for sentence in self.proposals]
         lines += [str(trial) for trial in self.trials]
@@ -106,4 +112,5 @@ def diagnose(run: SceneRun, *, with_trials: bool) -> Diagnosis:
         trials=trials,
         notes=(*measured.not_recorded, *warned),
         unstable=tuple(f"the simulation diverged ({name})" for name in measured.warnings if name in DIVERGED),
+        forces=audit_forces(model, measured) if can_audit(model, measured) else None,
     )
