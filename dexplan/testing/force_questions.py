@@ -80,11 +80,11 @@ class ForceQuestions:
         self._data = mujoco.MjData(model)
         self._motion = _read_reference(measured, reference)
         names = measured.parties.names
-        is_fixed = np.equal(model.body_weldid[model.geom_bodyid], 0)
-        fixed = set(measured.parties.of_geom[is_fixed].tolist())
-        is_driven = measured.drives.any(axis=0)
+        fixed_geoms = np.flatnonzero(model.body_weldid[model.geom_bodyid] == 0)
+        fixed = set(measured.parties.of_geom[fixed_geoms].tolist())
+        driven = set(np.flatnonzero(measured.drives.sum(axis=0)).tolist())
         tips = set(measured.parties.tips)
-        self._is_load = np.array([not (p in tips or p in fixed or is_driven[p]) for p in range(len(names))])
+        self._is_load = np.array([not (p in tips or p in fixed or p in driven) for p in range(len(names))])
         # The same numbers for every question: constraints that are not the object's contacts load joints that they touch.
         self._mark = np.random.default_rng(0).uniform(0.5, 1.0, 4096)
 

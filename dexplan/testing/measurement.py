@@ -98,4 +98,5 @@ class Measurement:
 
     def pairs(self) -> PairRows:
         """Return the contacts summed per sample and pair of parties."""
-        return sum_pairs(self.contacts, len(self.parties.names))
+        is_elliptic = self.physics.cone == "elliptic"
+        return sum_pairs(self.contacts, len(self.parties.names), is_elliptic=is_elliptic)
