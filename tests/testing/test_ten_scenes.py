@@ -52,7 +52,9 @@ class Border:
 
 BORDERS = {
     "slope": Border(lambda d, s: slope(d, s, is_ball=False), ("slope",), Kind.COULOMB_SLIP, "friction"),
-    "ball on a slope": Border(lambda d, s: slope(d, s, is_ball=True), ("slope",), Kind.COULOMB_SLIP, "friction"),
+    "ball on a slope": Border(
+        lambda d, s: slope(d, s, is_ball=True), ("slope",), Kind.COULOMB_SLIP, "friction"
+    ),
     "shear": Border(lambda d, s: pinch(d, s, "shear"), TIPS, Kind.COULOMB_SLIP, "friction"),
     "torsion": Border(lambda d, s: pinch(d, s, "torsion"), TIPS, Kind.TORSIONAL_SLIP, "torsional friction"),
     "pushed box": Border(push, ("table",), Kind.COULOMB_SLIP, "friction"),
@@ -75,9 +77,7 @@ def name_case(value: object) -> str:
 
 def list_kinds(judged: Judgement, border: Border, scene: Scene) -> list[set[Kind]]:
     """Return what was found at each judged contact with the object, whole touches together."""
-    return [
-        {finding.kind for v in judged.of(by, scene.object) for finding in v.findings} for by in border.by
-    ]
+    return [{finding.kind for v in judged.of(by, scene.object) for finding in v.findings} for by in border.by]
 
 
 @pytest.mark.parametrize(("name", "draws", "seed"), CASES, ids=name_case)
@@ -150,27 +150,41 @@ def test_pyramidal_defaults_drop_a_grasp_and_elliptic_cones_keep_it() -> None:
 
 
 def jaco(friction: float) -> Scene:
-    """Return dm_control's Jaco hand, meshes and all, palm down, closed on a ball that would fall out of a slippery hand."""
-    hand = kinova.JacoHand().mjcf_model
+    """Return dm_control's Jaco hand, meshes and all, closing on a ball that floats before its palm."""
     arena = mjcf.RootElement()
     arena.option.cone, arena.option.impratio, arena.option.timestep = "elliptic", 100, 0.001
-    arena.option.gravity = (0, 0, 2.0)
-    arena.worldbody.attach(hand)
-    ball = arena.worldbody.add("body", name="ball", pos=(0, 0, 0.17))
+    arena.option.gravity = (0, 0, 0)
+    arena.worldbody.attach(kinova.JacoHand().mjcf_model)
+    ball = arena.worldbody.add("body", name="ball", pos=(0, 0, 0.155))
     ball.add("freejoint")
-    ball.add("geom", name="skin", type="sphere", size=(0.03,), mass=0.1, priority=1, friction=(friction, 0.005, 0.0001))
+    ball.add(
+        "geom",
+        name="skin",
+        type="sphere",
+        size=(0.03,),
+        mass=0.1,
+        priority=1,
+        friction=(friction, 0.005, 1e-4),
+    )
+    # Composed by dm_control, compiled by MuJoCo: dm_control's own Physics does not run on every release.
     model = mujoco.MjModel.from_xml_string(arena.to_xml_string(), arena.get_assets())
     tips = tuple(name for name in (model.body(b).name for b in range(model.nbody)) if "finger_tip" in name)
-    closing = np.tile(np.max(model.actuator_ctrlrange, axis=1), (1500, 1))
-    return Scene(model, closing, "ball", tips)
+    return Scene(model, np.tile(np.max(model.actuator_ctrlrange, axis=1), (1200, 1)), "ball", tips)
 
 
 def test_a_hand_from_a_package_holds_by_friction_alone() -> None:
-    """Where friction decides whether the ball stays, the verdict without it is slip or loss, and more of it the cure."""
-    held, dropped = jaco(1.0), jaco(0.05)
+    """Closing fingers squeeze a slippery ball out, as a wedge; with friction enough they keep it, though they slide at first."""
+    held, dropped = jaco(0.5), jaco(0.05)
     assert len(held.tips) == 3
-    stays = judge_contacts(held.measure())
-    last = {v.by: v for v in stays.verdicts if v.on == "ball"}
-    assert any(by in held.tips and v.kind not in SLIPS | {Kind.LOST} for by, v in last.items()), stays
+    measured = held.measure()
+    assert np.median(measured.newton_residual) < 1e-3
+    stays = judge_contacts(measured)
+    for tip in held.tips:
+        assert stays.of(tip, "ball")[-1].find(Kind.LOST) is None, stays
     falls = judge_contacts(dropped.measure())
-    assert any(v.find(Kind.COULOMB_SLIP) or v.kind == Kind.LOST for v in falls.verdicts), falls
+    for tip in dropped.tips:
+        assert falls.of(tip, "ball")[-1].kind == Kind.LOST, falls
+    trials = list_trials(dropped, dropped.tips[0])
+    kept = [t.cure.text for t in trials if t.after is not None and t.after.find(Kind.LOST) is None]
+    assert kept
+    assert all(text.startswith('friction="') for text in kept), trials
