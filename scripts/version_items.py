@@ -76,7 +76,7 @@ def make_environment(folder: Path, version: str) -> str:
     if not done.is_file():
         venv.create(place, with_pip=True, clear=True)
         project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-        wanted = [r for r in project["dependencies"] if not re.match(r"mujoco\b", r)]
+        wanted = [r for r in project["dependencies"] if not r.startswith(FREE)]
         wanted += [r for r in project["optional-dependencies"]["dev"] if r.startswith(EXTRAS)]
         fixed = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
         (place / "constraints.txt").write_text(
@@ -84,7 +84,15 @@ def make_environment(folder: Path, version: str) -> str:
         )
         pip = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
         _run(
-            [*pip, "-c", str(place / "constraints.txt"), f"mujoco=={version}", "setuptools>=77", *wanted],
+            [
+                *pip,
+                "-c",
+                str(place / "constraints.txt"),
+                f"mujoco=={version}",
+                "dm-control",
+                "setuptools>=77",
+                *wanted,
+            ],
             ROOT,
         )
         _run([*pip, "--no-deps", "--no-build-isolation", "-e", str(ROOT)], ROOT)
@@ -146,7 +154,7 @@ def answer(item: Item) -> Row:
     last = next((line for line in reversed((done.stdout or done.stderr).splitlines()) if line.strip()), "")
     row: Row = {"key": item.key, "is_well": done.returncode == 0, "told": last}
     if item.kind == "tests":
-        row["told"] = re.sub(r" in [\d.]+s.*| warnings?|, \d+ warnings?", "", last.strip("= "))
+        row["told"] = re.sub(r",? \d+ warnings?| in [\d.]+s.*", "", last.strip("= "))
         row["failed"] = re.findall(r"^(?:FAILED|ERROR) (\S+)", done.stdout, flags=re.MULTILINE)
     elif item.kind in {"contacts", "scene"}:
         error = done.stderr.strip().splitlines()

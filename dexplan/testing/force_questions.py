@@ -29,6 +29,8 @@ from dexplan.testing.reading import INTEGRATION
 CEILING = 100.0
 """Greatest normal force of a contact, in shares of what the object needs, where no other is given: a pinch whose friction is
 below 1/200 needs more."""
+LEVER = 0.1
+"""Lever [m] that the judge's program takes a joint to have."""
 CORNER = np.sqrt(2.0)
 """Corners of the square around a unit circle: rolling friction's cone is taken as the pyramid around it."""
 CORNERS = CORNER * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -110,7 +112,7 @@ class ForceQuestions:
         columns = self._list_columns(sample)
         wrench -= self._sum_loads(sample, center)
         maps = _build_maps(columns, center)
-        ceiling = self._ceiling or _choose_ceiling(wrench, maps)
+        ceiling = self._ceiling or _choose_ceiling(wrench, maps, columns.friction)
         count = len(columns.body)
         return ForceQuestion(
             maps=maps,
@@ -186,6 +188,10 @@ class ForceQuestions:
         is_loaded = np.abs(maps).max(axis=1) > 0.0
         own_load = data.qfrc_actuator[limited] - data.qfrc_smooth[limited]
         low, high = (ranges[limited] - own_load[:, None]).T
+        # Forces on slides and torques on hinges, however long their levers: OSQP gets rows of one size.
+        size = np.abs(maps * _list_scales(columns.friction)).max(axis=1) / LEVER
+        size = np.where(is_loaded, size, 1.0)
+        maps, low, high = maps / size[:, None], low / size, high / size
         return SharedLimits(maps[is_loaded], low[is_loaded], high[is_loaded]) if is_loaded.any() else None
 
     def _find_touched(self) -> NDArray[np.bool_]:
@@ -220,12 +226,17 @@ def _build_maps(columns: _Columns, center: Array) -> Array:
     return maps
 
 
-def _choose_ceiling(wrench: Array, maps: Array) -> float:
+def _list_scales(friction: Array) -> Array:
+    """Return what each force (4 K,) can be at most per newton of normal force: mu, mu, 1, mu_t."""
+    mu, torsional = friction.T
+    return np.stack([mu, mu, np.ones_like(mu), torsional], axis=1).ravel()
+
+
+def _choose_ceiling(wrench: Array, maps: Array, friction: Array) -> float:
     """Return a normal force [N] far beyond what the object needs; 1 where it needs nothing."""
-    arms = np.linalg.norm(maps[3:, 2::4], axis=0).max(initial=0.0) or np.linalg.norm(maps[3:], axis=0).max(
-        initial=0.0
-    )
-    turning = float(np.linalg.norm(wrench[3:])) / arms if arms > 0.0 else 0.0
+    # What a newton of normal force can turn, friction included [m].
+    arm = np.linalg.norm(maps[3:] * _list_scales(friction), axis=0).max(initial=0.0)
+    turning = float(np.linalg.norm(wrench[3:])) / arm if arm > 0.0 else 0.0
     return CEILING * max(float(np.linalg.norm(wrench[:3])), turning) or 1.0
 
 

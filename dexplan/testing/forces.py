@@ -34,8 +34,10 @@ INSTANTS = 20
 """Instants that are asked about: each costs a few milliseconds."""
 MOST_FRICTION = 16.0
 """Factor on friction up to which forces are looked for where there are none."""
-PRECISION = 0.01
+PRECISION = 0.02
 """Share to which the friction and the squeeze that would do are found."""
+LADDER = 0.01, 0.1, 1.0
+"""Shares of the ceiling under which forces are looked for, one after the other."""
 LEAST_SHARE = 1e-4
 """Share of the ceiling below which the squeeze that would do is not looked for any further."""
 
@@ -178,7 +180,7 @@ def audit_forces(
     for sample in _choose_samples(measured, int(instants)).tolist():
         question = builder.build(sample)
         if question.is_finite:
-            answer = _confirm(question, audit.ask(question))
+            answer = _confirm(question, _ask(audit, question))
             found.append(
                 ForceInstant(
                     float(measured.time[sample]), question, answer, measured_N=_read_normal(measured, sample)
@@ -191,6 +193,20 @@ def audit_forces(
             k = max(chosen, key=lambda k: getattr(found[k], weight))
             found[k] = _look_further(audit, found[k])
     return ForceReport(measured.parties.names[measured.parties.object], tuple(found))
+
+
+def _ask(audit: ForceAudit, question: ForceQuestion) -> ForceAnswer:
+    """Return the answer to a question, asked with low ceilings first.
+
+    Where forces exist they are mostly far below the ceiling, and OSQP, which counts in ceilings, is slow to find what is a
+    thousandth of one.  Forces below a lower ceiling are forces below the ceiling.
+    """
+    answer = ForceAnswer(UNDECIDED)
+    for share in LADDER:
+        answer = audit.ask(replace(question, ceiling=share * question.ceiling))
+        if answer.verdict == FEASIBLE:
+            break
+    return answer
 
 
 def _confirm(question: ForceQuestion, answer: ForceAnswer) -> ForceAnswer:
@@ -253,9 +269,22 @@ def _look_further(audit: ForceAudit, instant: ForceInstant) -> ForceInstant:
     if instant.answer.verdict == INFEASIBLE:
         if not instant.question.friction.any():
             return replace(instant, friction_factor=np.inf)
-        factor = audit.find_friction_factor(instant.question, 1.0, MOST_FRICTION, PRECISION)
-        return replace(instant, friction_factor=factor)
+        return replace(instant, friction_factor=_find_friction(audit, instant.question))
     return replace(instant, friction_factor=1.0, squeeze_N=_find_squeeze(audit, instant.question))
+
+
+def _find_friction(audit: ForceAudit, question: ForceQuestion) -> float:
+    """Return the smallest factor on friction at which forces exist, above 1; infinite where there are none at the largest."""
+    if _ask(audit, question.with_friction(MOST_FRICTION)).verdict != FEASIBLE:
+        return np.inf
+    low, high = 1.0, MOST_FRICTION
+    while high - low > PRECISION * low:
+        middle = float(np.sqrt(low * high))
+        if _ask(audit, question.with_friction(middle)).verdict == FEASIBLE:
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 def _find_squeeze(audit: ForceAudit, question: ForceQuestion) -> float:

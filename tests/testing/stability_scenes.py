@@ -26,7 +26,10 @@ SCENES: Mapping[str, Callable[[], Scene]] = {
     "mesh_holds": lambda: gripper(draw(12), 0.8, body="mesh"),
     "rider_holds": lambda: gripper(draw(13), 1.0, body="box", rider=0.8),
     "pyramidal_defaults": lambda: Scene(
-        round_pinch(option='impratio="1"', solref="0.02 1", condim=3), pinch_controls(600, load=0.6), "thing", TIPS
+        round_pinch(option='impratio="1"', solref="0.02 1", condim=3),
+        pinch_controls(600, load=0.6),
+        "thing",
+        TIPS,
     ),
 }
 
