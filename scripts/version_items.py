@@ -154,12 +154,19 @@ def answer(item: Item) -> Row:
     last = next((line for line in reversed((done.stdout or done.stderr).splitlines()) if line.strip()), "")
     row: Row = {"key": item.key, "is_well": done.returncode == 0, "told": last}
     if item.kind == "tests":
-        row["told"] = re.sub(r",? \d+ warnings?| in [\d.]+s.*", "", last.strip("= "))
+        row["told"] = count_tests(done.stdout) or last
         row["failed"] = re.findall(r"^(?:FAILED|ERROR) (\S+)", done.stdout, flags=re.MULTILINE)
     elif item.kind in {"contacts", "scene"}:
         error = done.stderr.strip().splitlines()
         row["told"] = f"{out}.json" if done.returncode == 0 else (error[-1] if error else "no answer")
     return row
+
+
+def count_tests(output: str) -> str:
+    """Return "7 passed, 1 failed" of pytest's quiet output, "" where it has no progress lines."""
+    marks = "".join(re.findall(r"^([.FEsxX]+) *\[ *\d+%\]$", output, flags=re.MULTILINE))
+    words = {".": "passed", "F": "failed", "E": "with an error", "s": "skipped"}
+    return ", ".join(f"{marks.count(mark)} {word}" for mark, word in words.items() if mark in marks)
 
 
 def list_items(folder: Path, version: str, tests: Sequence[str], problems: Sequence[str]) -> Iterator[Item]:

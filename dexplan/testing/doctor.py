@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
@@ -36,14 +37,26 @@ def load_run(run: SceneRun) -> tuple[mujoco.MjModel, Drive]:
 def measure_run(run: SceneRun, model: mujoco.MjModel, drive: Drive) -> Measurement:
     """Return the contacts of ``model`` driven so.  Where nobody is named the only free body is the object."""
     name = find_object(model) if run.object is None and not run.tips else run.object
-    return measure_contacts(
-        model,
-        drive.initial_state,
-        drive.ctrl,
-        tips=run.tips or None,
-        object=name,
-        steps_per_sample=drive.steps_per_sample,
-    )
+    with _quiet():
+        return measure_contacts(
+            model,
+            drive.initial_state,
+            drive.ctrl,
+            tips=run.tips or None,
+            object=name,
+            steps_per_sample=drive.steps_per_sample,
+        )
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep MuJoCo from printing its warnings: a run that diverges has one per step, and they are counted anyway."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 @dataclass(frozen=True)

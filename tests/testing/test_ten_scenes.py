@@ -7,7 +7,7 @@ The others: a gripper with a cube, a mesh, two objects, pyramidal defaults that 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -95,6 +95,39 @@ def test_slip_is_said_beyond_the_border_and_never_inside(
         judged = judge_contacts(scene.measure())
         for kinds in list_kinds(judged, border, scene):
             assert border.beyond in kinds, f"{share} of the border, {numbers}: {judged}"
+
+
+@pytest.mark.parametrize("seed", range(31, 37))
+@pytest.mark.parametrize("name", ["slope", "shear", "torsion", "pushed box", "gripper with a cube", "mesh"])
+def test_creep_of_elliptic_cones_is_predicted_within_a_tenth(name: str, seed: int) -> None:
+    """Below 1 mm/s and without noslip; with it, what is left is less than the number, which is called an upper bound."""
+    border = BORDERS[name]
+    for numbers in (replace(draw(seed), noslip=0), replace(draw(seed), noslip=5)):
+        scene = border.make(numbers, 0.7)
+        for verdict in judge_contacts(scene.measure()).of(border.by[0], scene.object):
+            creep = verdict.find(Kind.CREEPING)
+            if creep is None:
+                continue
+            if numbers.noslip:
+                assert creep.note == "an upper bound, for noslip is on"
+                assert creep.amount <= 1.1 * creep.predicted, verdict
+            elif creep.unit != "um/s" or creep.amount < 1000.0:
+                assert creep.predicted == pytest.approx(creep.amount, rel=0.1), verdict
+
+
+@pytest.mark.parametrize("seed", range(31, 35))
+@pytest.mark.parametrize("share", [0.35, 0.8, 0.92])
+@pytest.mark.parametrize("name", ["slope", "pushed box", "gripper with a cube", "two objects"])
+def test_creep_of_pyramids_is_predicted_within_a_factor_of_two(name: str, share: float, seed: int) -> None:
+    """Four contacts a side, or one; a body that trembles on them included."""
+    border = BORDERS[name]
+    scene = border.make(draw_pyramidal(seed), share)
+    scene.model.opt.noslip_iterations = 0
+    for by in border.by:
+        verdict = judge_contacts(scene.measure()).of(by, scene.object)[-1]
+        creep = verdict.find(Kind.CREEPING)
+        assert creep is not None, verdict
+        assert 0.5 < creep.predicted / creep.amount < 2.0, verdict
 
 
 def list_trials(scene: Scene, by: str) -> list[Trial]:
