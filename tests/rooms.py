@@ -28,11 +28,11 @@ def _see(names: str, third_party: str = "") -> Room:
     return Room(frozenset(names.split()), frozenset(third_party.split()))
 
 
-GROUND = "errors spatial brief icosphere moved"
+GROUND = "errors spatial brief notebook icosphere moved"
 MATH = "numpy scipy"
 ALL = (
     f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz witness problems cli commands "
-    "pipeline run_folder terminal usage __init__"
+    "arguments builders pipeline run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plans scene"
 ROOMS = {
@@ -41,10 +41,12 @@ ROOMS = {
     "spatial": _see("errors", MATH),
     "moved": _see(""),
     "brief": _see("", MATH),
+    "notebook": _see(""),
     "icosphere": _see("brief spatial", MATH),
     # storey 1
     "contact": _see(f"{GROUND}", MATH),
     "contact.surfaces": _see(f"{GROUND}", MATH),
+    "contact.bodies": _see(GROUND, MATH),
     "contact.kinematics": _see(f"{GROUND} contact contact.surfaces", MATH),
     "contact.rolling": _see(f"{GROUND} contact contact.surfaces contact.kinematics", MATH),
     "grasp": _see(f"{GROUND} contact", MATH),
@@ -86,8 +88,10 @@ ROOMS = {
     "terminal": _see(GROUND),
     "usage": _see(GROUND, "tyro"),
     "cli": _see(ALL, "tyro"),
+    "arguments": _see(ALL, "tyro"),
     "commands": _see(ALL, "tqdm platformdirs"),
-    "pipeline": _see(ALL, f"{MATH} mujoco tqdm platformdirs"),
+    "pipeline": _see(ALL, MATH),
+    "builders": _see(f"{KNOWN} planning control problems", MATH),
     "__init__": _see(ALL),
     "__main__": _see("cli"),
 }
