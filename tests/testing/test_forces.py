@@ -21,6 +21,7 @@ from dexplan.cli import main
 from dexplan.errors import DexplanError
 from dexplan.sim.judge.force_audit_values import Certificate, ForceQuestion
 from dexplan.testing import audit_forces, measure_contacts
+from dexplan.testing.actuators import find_joint_ranges
 from dexplan.testing.forces import ForceInstant, ForceReport, prove
 
 SEEDS = (21, 22, 23)
@@ -262,6 +263,34 @@ def test_what_cannot_be_audited_is_said_in_one_line(change: dict, told: str) -> 
         audit(scene, **change)
     assert told in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_joints_can_get_what_their_actuators_give() -> None:
+    model = mujoco.MjModel.from_xml_string("""
+    <mujoco><worldbody>
+      <body><joint name="servo" type="hinge" axis="0 0 1"/><geom size=".1"/></body>
+      <body><joint name="geared" type="slide"/><geom size=".1"/></body>
+      <body><joint name="endless" type="hinge"/><geom size=".1"/></body>
+      <body><joint name="pulled" type="hinge"/><geom size=".1"/></body>
+      <body><joint name="other" type="hinge"/><geom size=".1"/></body>
+      <body><joint name="bare" type="hinge"/><geom size=".1"/></body>
+      <body><joint name="two" type="slide" actuatorfrcrange="-4 9"/><geom size=".1"/></body>
+    </worldbody>
+    <tendon><fixed name="both"><joint joint="pulled" coef="1"/><joint joint="other" coef="2"/></fixed></tendon>
+    <actuator>
+      <position joint="servo" kp="10" ctrlrange="-1 1" ctrllimited="true"/>
+      <motor joint="geared" gear="-3" forcerange="-1 2" forcelimited="true"/>
+      <motor joint="endless"/>
+      <motor tendon="both" forcerange="-1 1" forcelimited="true"/>
+      <motor joint="two" ctrlrange="-3 3" ctrllimited="true"/>
+      <general joint="two" dyntype="filter" dynprm=".1" gainprm="2" ctrlrange="0 5" ctrllimited="true"/>
+    </actuator></mujoco>""")
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.3
+    mujoco.mj_forward(model, data)
+    inf = np.inf
+    expected = [(-13, 7), (-6, 3), (-inf, inf), (-inf, inf), (-inf, inf), (-inf, inf), (-3, 9)]
+    np.testing.assert_allclose(find_joint_ranges(model, data), expected)
 
 
 def test_an_object_that_is_not_free_is_not_audited() -> None:
