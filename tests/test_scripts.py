@@ -42,6 +42,8 @@ WRONG = [
     "shift_sweep nosuch",
     "shift_sweep --furthest-mm 0",
     "three_to_two --radii-mm -4",
+    "versions latest",
+    "versions --workers 0",
 ]
 
 

@@ -4,6 +4,7 @@
 ``measure_contacts``  runs a model under given controls and returns a ``Measurement`` of its contacts
 ``ContactRecorder``   does that in a loop of your own
 ``judge_contacts``    what became of each contact: a ``Judgement`` of verdicts, by ``VerdictOptions``
+``audit_forces``      could any contact forces have held the object?  A ``ForceReport``, each *no* with its certificate
 ``Kind``              the words of a verdict, from stuck to lost
 ``doctor``            ``dexplan doctor``: a scene file, what bites, what cures; ``environment``: this machine
 ``stability``         ``dexplan stability``: ``quantities`` of a run against a ``baseline``
@@ -37,6 +38,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dexplan.testing.forces import ForceReport, audit_forces
     from dexplan.testing.measurement import Measurement
     from dexplan.testing.recorder import ContactRecorder
     from dexplan.testing.stepping import measure_contacts
@@ -44,10 +46,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ContactRecorder",
+    "ForceReport",
     "Judgement",
     "Kind",
     "Measurement",
     "VerdictOptions",
+    "audit_forces",
     "baseline",
     "doctor",
     "environment",
@@ -60,10 +64,12 @@ __all__ = [
 
 _HOMES = {
     "ContactRecorder": "dexplan.testing.recorder",
+    "ForceReport": "dexplan.testing.forces",
     "Judgement": "dexplan.testing.verdict",
     "Kind": "dexplan.testing.verdict",
     "Measurement": "dexplan.testing.measurement",
     "VerdictOptions": "dexplan.testing.verdict",
+    "audit_forces": "dexplan.testing.forces",
     "judge_contacts": "dexplan.testing.verdict",
     "measure_contacts": "dexplan.testing.stepping",
 }

@@ -61,6 +61,7 @@ def as_rows(model: mujoco.MjModel, parties: Parties, raw: RawContacts) -> Contac
         utilisation=compute_utilisation(wrench, raw.friction, dim, is_elliptic),
         penetration=-raw.dist,
         creep=creep,
+        softness=raw.rows_R[:, 0] / raw.damping,
     )
 
 

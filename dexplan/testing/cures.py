@@ -129,6 +129,12 @@ def _weigh(verdict: Verdict) -> int:
     return GRAVITY_OF_KINDS.index(verdict.kind)
 
 
+def _list_condims(measured: Measurement, verdict: Verdict) -> np.ndarray:
+    """Return the condims of the contacts that the pair had."""
+    rows, names = measured.contacts, measured.parties.names
+    return rows.dim[(rows.by == names.index(verdict.by)) & (rows.on == names.index(verdict.on))]
+
+
 def _list_geoms(measured: Measurement, verdict: Verdict) -> list[tuple[int, int]]:
     """Return the pairs (geom of ``by``, geom of ``on``) that touched."""
     rows, names = measured.contacts, measured.parties.names
@@ -171,7 +177,7 @@ def _set_geoms(
 
 def _raise_friction(model: mujoco.MjModel, measured: Measurement, verdict: Verdict) -> list[Cure]:
     geoms = _pick_geoms(model, measured, verdict)
-    if model.geom_condim[geoms].max() == 1 and measured.contacts.dim.max() == 1:
+    if _list_condims(measured, verdict).max() == 1:
         return [_set_geoms(model, geoms, "geom_condim", 3, "this contact has no friction")]
     mu = _read_friction(measured, verdict)
     why = "the contact is at the border of its cone: it lacks friction, or normal force"
@@ -184,7 +190,7 @@ def _raise_friction(model: mujoco.MjModel, measured: Measurement, verdict: Verdi
 def _resist_turning(model: mujoco.MjModel, measured: Measurement, verdict: Verdict) -> list[Cure]:
     geoms = _pick_geoms(model, measured, verdict)
     mu = _read_friction(measured, verdict)
-    if model.geom_condim[geoms].max() < 4:
+    if _list_condims(measured, verdict).max() < 4:
         return [
             _set_geoms(model, geoms, "geom_condim", 4, "condim 3 does not resist turning about the normal")
         ]

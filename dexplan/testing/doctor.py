@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
@@ -10,6 +11,7 @@ import mujoco
 from dexplan.errors import SceneError
 from dexplan.testing.bites import find_bites
 from dexplan.testing.cures import Trial, propose_cures, try_cures
+from dexplan.testing.forces import ForceReport, audit_forces, can_audit
 from dexplan.testing.measurement import Measurement
 from dexplan.testing.scene_file import Drive, find_object, load_drive, load_model
 from dexplan.testing.scene_run import SceneRun
@@ -35,19 +37,34 @@ def load_run(run: SceneRun) -> tuple[mujoco.MjModel, Drive]:
 def measure_run(run: SceneRun, model: mujoco.MjModel, drive: Drive) -> Measurement:
     """Return the contacts of ``model`` driven so.  Where nobody is named the only free body is the object."""
     name = find_object(model) if run.object is None and not run.tips else run.object
-    return measure_contacts(
-        model,
-        drive.initial_state,
-        drive.ctrl,
-        tips=run.tips or None,
-        object=name,
-        steps_per_sample=drive.steps_per_sample,
-    )
+    with _quiet():
+        return measure_contacts(
+            model,
+            drive.initial_state,
+            drive.ctrl,
+            tips=run.tips or None,
+            object=name,
+            steps_per_sample=drive.steps_per_sample,
+        )
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep MuJoCo from printing its warnings: a run that diverges has one per step, and they are counted anyway."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the doctor says: the judgement, the settings that bite, and trials of cures (none where not asked for)."""
+    """What the doctor says: the judgement, the settings that bite, and trials of cures (none where not asked for).
+
+    ``forces``: whether any contact forces could hold the object, None where it is not free.
+    """
 
     judged: Judgement
     bites: tuple[str, ...]
@@ -55,6 +72,7 @@ class Diagnosis:
     trials: tuple[Trial, ...]
     notes: tuple[str, ...]
     unstable: tuple[str, ...] = ()
+    forces: ForceReport | None = None
 
     @property
     def is_well(self) -> bool:
@@ -67,6 +85,7 @@ class Diagnosis:
 
     def __str__(self) -> str:
         lines = [*self.notes, str(self.judged) if self.judged.verdicts else "nothing touched"]
+        lines += [] if self.forces is None else [str(self.forces)]
         lines += [f"bites: {sentence}" for sentence in self.bites]
         lines += [f"may help: {sentence}" for sentence in self.proposals]
         lines += [str(trial) for trial in self.trials]
@@ -106,4 +125,5 @@ def diagnose(run: SceneRun, *, with_trials: bool) -> Diagnosis:
         trials=trials,
         notes=(*measured.not_recorded, *warned),
         unstable=tuple(f"the simulation diverged ({name})" for name in measured.warnings if name in DIVERGED),
+        forces=audit_forces(model, measured) if can_audit(model, measured) else None,
     )

@@ -39,7 +39,8 @@ class Physics:
 class Measurement:
     """A recorded run of T samples: who is there, the contacts, and what is needed to judge them.
 
-    ``time`` (T,) [s].  ``newton_residual`` (T,) [N]: by how much the contact forces on the object miss the force its
+    ``time`` (T,) [s]; ``states`` (T, n) are MuJoCo's integration states, with the controls of the step that follows.
+    ``newton_residual`` (T,) [N]: by how much the contact forces on the object miss the force its
     acceleration needs, NaN where the object is not free.  ``saturated`` (T, nu) actuators at the end of their force
     range, named by ``actuators``; ``drives`` (nu, P) says which of them move which party.  ``solver_iterations`` (T,).
     ``not_recorded`` are sentences about what the user changed unseen; ``warnings`` counts MuJoCo's own warnings by name.
@@ -48,6 +49,7 @@ class Measurement:
     parties: Parties
     physics: Physics
     time: Array
+    states: Array
     contacts: ContactRows
     newton_residual: Array
     saturated: Flags
@@ -96,4 +98,5 @@ class Measurement:
 
     def pairs(self) -> PairRows:
         """Return the contacts summed per sample and pair of parties."""
-        return sum_pairs(self.contacts, len(self.parties.names))
+        is_elliptic = self.physics.cone == "elliptic"
+        return sum_pairs(self.contacts, len(self.parties.names), is_elliptic=is_elliptic)

@@ -6,17 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.spatial import Array
-from dexplan.testing.rows import ContactRows, PairRows
+from dexplan.testing.cones import compute_pyramid_drift
+from dexplan.testing.rows import AT_BORDER, ContactRows, PairRows
 
 PRESSES = 1e-12
 """Normal force [N] below which a contact does not press; MuJoCo's are exactly zero there."""
-AT_BORDER = 0.99
-"""Utilisation from which a contact counts as at the border of its cone.  A sliding one is at 1 to the solver's tolerance;
-one per cent keeps coarse solvers there, and is half of what verdicts may be wrong by."""
 
 
-def sum_pairs(rows: ContactRows, party_count: int) -> PairRows:
-    """Return ``rows`` summed per (sample, on, by)."""
+def sum_pairs(rows: ContactRows, party_count: int, *, is_elliptic: bool) -> PairRows:
+    """Return ``rows`` summed per (sample, on, by); the contacts' cones are elliptic, or they are pyramids."""
     pressing = np.flatnonzero(rows.force[:, 2] > PRESSES)
     key = (rows.sample[pressing] * party_count + rows.on[pressing]) * party_count + rows.by[pressing]
     keys, inverse = np.unique(key, return_inverse=True)
@@ -50,9 +48,13 @@ def sum_pairs(rows: ContactRows, party_count: int) -> PairRows:
     np.maximum.at(deepest, inverse, rows.penetration[pressing])
     # Contacts at their border give way to those inside, which alone decide how fast the pair drifts.
     holds = np.where(rows.utilisation[pressing] < AT_BORDER, share, 0.0)
-    carried = add(holds)[inverse]
+    held = add(holds)
+    carried = held[inverse]
     holding = np.divide(holds, carried, out=np.zeros_like(holds), where=carried > 0.0)
     slip, roll, creep = rows.slip[pressing], rows.roll[pressing], rows.creep[pressing]
+    net = add(force_W)
+    shared = np.einsum("nji,nj->ni", R_WC, share[:, None] * net[inverse])
+    drift = np.zeros((len(pressing), 2)) if is_elliptic else compute_pyramid_drift(rows, pressing, shared)
     with np.errstate(invalid="ignore", divide="ignore"):
         return PairRows(
             sample=keys // party_count**2,
@@ -62,7 +64,7 @@ def sum_pairs(rows: ContactRows, party_count: int) -> PairRows:
             dim=widest,
             point_W=point,
             normal_W=direction / np.linalg.norm(direction, axis=1, keepdims=True),
-            force_W=add(force_W),
+            force_W=net,
             moment_W=add(moment_W),
             normal_force=total,
             slip_W=mean(np.einsum("nij,nj->ni", R_WC[:, :, :2], slip[:, :2])),
@@ -72,4 +74,6 @@ def sum_pairs(rows: ContactRows, party_count: int) -> PairRows:
             penetration=deepest,
             creep_W=add(holding[:, None] * np.einsum("nij,nj->ni", R_WC[:, :, :2], creep[:, :2])),
             creep_spin=add(holding * creep[:, 2]),
+            held=held,
+            net_creep_W=mean(np.einsum("nij,nj->ni", R_WC[:, :, :2], drift)),
         )

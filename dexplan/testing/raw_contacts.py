@@ -73,7 +73,7 @@ class RawReader:
         self.model = model
         self.object_bodies = list_descendants(model, parties.object_body) if parties.object_body > 0 else []
         self.is_kept = parties.is_watched[parties.of_geom] | np.isin(model.geom_bodyid, self.object_bodies)
-        self.free_dof = _find_free_dof(model, parties.object_body, self.object_bodies)
+        self.free_dof = find_free_dof(model, parties.object_body, self.object_bodies)
         self._force = np.zeros(model.nv)
         whole = np.intp
         self._counts: list[tuple[int, int, int]] = []
@@ -178,7 +178,7 @@ def _decode_pyramidal(rows: Array, friction: Array, dim: Indices) -> Array:
     return out
 
 
-def _find_free_dof(model: mujoco.MjModel, body: int, bodies: list[int]) -> int:
+def find_free_dof(model: mujoco.MjModel, body: int, bodies: list[int]) -> int:
     """Return the address of the object's free joint in ``qvel``; -1 where it has none, or where an equality or friction in
     its joint gives it forces that are no contacts.
     """

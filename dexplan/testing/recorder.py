@@ -85,6 +85,7 @@ class ContactRecorder:
             parties=parties,
             physics=_read_physics(model, parties.object_body),
             time=readings.time,
+            states=self._states[:count],
             contacts=readings.contacts,
             newton_residual=readings.newton_residual,
             saturated=readings.saturated,

@@ -22,6 +22,10 @@ from dexplan.brief import brief_repr
 from dexplan.spatial import Array, lock_arrays
 from dexplan.testing.parties import Indices
 
+AT_BORDER = 0.99
+"""Utilisation from which a contact counts as at the border of its cone.  A sliding one is at 1 to the solver's tolerance;
+one per cent keeps coarse solvers there, and is half of what verdicts may be wrong by."""
+
 
 @dataclass(frozen=True, eq=False)
 class ContactRows:
@@ -34,7 +38,8 @@ class ContactRows:
     (N, 5): sliding along t1, t2 [-], torsional [m], rolling about t1, t2 [m], as the contact has them.  ``utilisation``
     (N,): the share of the contact's own cone or pyramid that is used, 1 at its border, NaN where there is no normal force
     or no friction.  ``penetration`` (N,) [m].  ``creep`` (N, 3): the slip along t1, t2 [m/s] and the spin [rad/s] at
-    which MuJoCo's softness lets a contact under this force drift that is inside its cone.
+    which MuJoCo's softness lets a contact under this force drift that is inside its cone.  ``softness`` (N,) [m/s/N]: how fast
+    its first constraint row gives way, R/B.
     """
 
     sample: Indices
@@ -54,6 +59,7 @@ class ContactRows:
     utilisation: Array
     penetration: Array
     creep: Array
+    softness: Array
 
     __repr__ = brief_repr
 
@@ -73,8 +79,11 @@ class PairRows:
     ``point_W`` (M, 3) is the centre of pressure and ``normal_W`` (M, 3) the mean normal, into ``on``; ``force_W`` (M, 3)
     [N] and ``moment_W`` (M, 3) [N m] about the centre of pressure act on ``on``.  ``slip_W`` (M, 3) [m/s] is along the
     contact, ``spin`` (M,), ``roll_W`` (M, 3) [rad/s].  These and ``utilisation`` are means weighted by normal force, so that
-    ``utilisation`` is 1 only where every contact that carries is at its border.  ``creep_W`` (M, 3) and ``creep_spin`` (M,) are
-    means over the contacts inside their cones, which decide the drift of the pair; zero where there are none.
+    ``utilisation`` is 1 only where every contact that carries is at its border.  ``creep_W`` (M, 3) and
+    ``creep_spin`` (M,) are means over the contacts inside their cones, which decide the drift of the pair; zero where there
+    are none.  ``held`` (M,) is the share of the normal force that these carry.  ``net_creep_W`` (M, 3) is the drift of
+    pyramids which share the pair's force as they share its normal force, for a body that trembles on them; zero with
+    elliptic cones.
     ``count`` (M,) contacts, of which ``dim`` (M,) is the largest condim; ``penetration`` (M,) [m] is the deepest;
     ``normal_force`` (M,) [N].
     """
@@ -96,6 +105,8 @@ class PairRows:
     penetration: Array
     creep_W: Array
     creep_spin: Array
+    held: Array
+    net_creep_W: Array
 
     __repr__ = brief_repr
 

@@ -15,7 +15,14 @@ from dexplan.errors import SceneError
 from dexplan.spatial import Array, lock_arrays
 
 SCENE_ACCEPTED = "accepted: an MJCF file that this MuJoCo compiles, or an .mjb of it"
-ASSET_TAGS = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
+ASSET_TAGS = {
+    "mesh": "meshdir",
+    "hfield": "meshdir",
+    "skin": "meshdir",
+    "flexcomp": "meshdir",
+    "texture": "texturedir",
+}
+"""Which of the compiler's folders a file is looked for in; others (include, model) stand beside the scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +46,34 @@ def load_model(path: Path) -> mujoco.MjModel:
         raise SceneError(str(path), fact, SCENE_ACCEPTED)
     try:
         if path.suffix == ".mjb":
-            return mujoco.MjModel.from_binary_path(str(path))
-        _check_files(path, path.parent.resolve())
-        return mujoco.MjModel.from_xml_path(str(path))
+            model = mujoco.MjModel.from_binary_path(str(path))
+        else:
+            _check_files(path, path.parent.resolve())
+            model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError) as error:
         raise SceneError(str(path), f"MuJoCo cannot compile it ({error})", SCENE_ACCEPTED) from error
+    _check_numbers(path, model)
+    return model
+
+
+def _check_numbers(path: Path, model: mujoco.MjModel) -> None:
+    """Raise SceneError where a model that compiled has a number that cannot be simulated."""
+    if not model.opt.timestep > 0.0:
+        fact = f"its timestep is {model.opt.timestep:g}"
+        raise SceneError(str(path), fact, "accepted: seconds above 0")
+    values = {
+        f"option {name}": getattr(model.opt, name) for name in ("gravity", "wind", "impratio", "tolerance")
+    }
+    for name in dir(model):
+        # What belongs to the user may be anything.
+        if name.startswith(("_", "user")) or name.endswith("_user"):
+            continue
+        value = getattr(model, name)
+        if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+            values[name] = value
+    for name, value in values.items():
+        if np.isnan(value).any():
+            raise SceneError(str(path), f"{name} has a NaN", "accepted: numbers")
 
 
 def _check_files(path: Path, home: Path, seen: frozenset[Path] = frozenset()) -> None:
@@ -57,24 +87,19 @@ def _check_files(path: Path, home: Path, seen: frozenset[Path] = frozenset()) ->
         for key in folders:
             folders[key] = home / compiler.get(key, compiler.get("assetdir", ""))
     for element in root.iter():
-        name = element.get("file")
-        if name is None or element.tag not in {*ASSET_TAGS, "include"}:
-            continue
-        file = (home if element.tag == "include" else folders[ASSET_TAGS[element.tag]]) / name
-        if not file.resolve().is_relative_to(home):
-            raise SceneError(
-                str(path),
-                f"the {element.tag} {name!r} is outside its folder",
-                "accepted: files in the scene's own folder",
-            )
-        # A missing asset is MuJoCo's to tell: it knows more ways to look for one.
-        if element.tag == "include":
-            if not file.is_file():
-                raise SceneError(
-                    str(path), f"the include {name!r} is missing", "accepted: files that are there"
-                )
-            if file not in seen:
-                _check_files(file, home, seen | {file})
+        # A cube's texture has a file for each of its faces.
+        for name in (value for key, value in element.attrib.items() if key.startswith("file")):
+            folder = folders.get(ASSET_TAGS.get(element.tag, ""), home)
+            if not (folder / name).resolve().is_relative_to(home):
+                fact = f"the {element.tag} {name!r} is outside its folder"
+                raise SceneError(str(path), fact, "accepted: files in the scene's own folder")
+            # A missing asset is MuJoCo's to tell: it knows more ways to look for one.
+            if element.tag == "include":
+                if not (folder / name).is_file():
+                    fact = f"the include {name!r} is missing"
+                    raise SceneError(str(path), fact, "accepted: files that are there")
+                if folder / name not in seen:
+                    _check_files(folder / name, home, seen | {folder / name})
 
 
 def load_drive(model: mujoco.MjModel, path: Path | None, key: str | None, seconds: float) -> Drive:
@@ -106,10 +131,12 @@ def load_drive(model: mujoco.MjModel, path: Path | None, key: str | None, second
     steps_name = "steps_per_sample" if "steps_per_sample" in columns else "physics_steps_per_sample"
     state = key if key is not None else columns.get("initial_state")
     try:
-        steps = int(columns.get(steps_name, 1))
-    except (TypeError, ValueError) as error:
+        steps = columns.get(steps_name, np.array(1)).item()
+        if steps != int(steps):
+            raise ValueError(steps)
+    except (TypeError, ValueError, OverflowError) as error:
         raise SceneError(str(path), f"{steps_name} is no count", "accepted: one whole number") from error
-    return Drive(columns["ctrl"], state, steps)
+    return Drive(columns["ctrl"], state, int(steps))
 
 
 def find_object(model: mujoco.MjModel) -> str | None:

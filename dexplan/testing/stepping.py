@@ -98,6 +98,8 @@ def _check_ctrl(model: mujoco.MjModel, ctrl: ArrayLike) -> Array:
 
 def _as_numbers(name: str, values: ArrayLike) -> Array:
     try:
+        if np.iscomplexobj(values):
+            raise TypeError("complex")
         numbers = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise SceneError(name, f"is no array of numbers ({error})", "accepted: finite numbers") from error

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dexplan.spatial import Array
 from dexplan.testing.episodes import Episode, find_episodes
 from dexplan.testing.measurement import Measurement
-from dexplan.testing.pairs import AT_BORDER
+from dexplan.testing.trembling import find_border, is_trembling
 
 
 class Kind(StrEnum):
@@ -177,9 +177,8 @@ def _find_lost(episode: Episode) -> Finding | None:
 def _find_slip(measured: Measurement, episode: Episode, options: VerdictOptions) -> list[Finding]:
     """Find slip and spin at the border of the cone; both at once are told by what dissipates more, then the other."""
     pairs, rows, dt = episode.pairs, episode.rows, episode.duration
-    used = pairs.utilisation[rows]
-    is_bare = ~np.isfinite(used)
-    at_border = is_bare | (used >= AT_BORDER)
+    is_bare = ~np.isfinite(pairs.utilisation[rows])
+    at_border = is_bare | find_border(measured, episode, _number_windows(measured, episode, options))
     # A single contact of condim 3 is not in the way of turning, wherever it is in its cone.
     is_free_to_turn = (pairs.dim[rows] < 4) & (pairs.count[rows] == 1)
     normal = pairs.normal_W[rows]
@@ -206,6 +205,12 @@ def _find_slip(measured: Measurement, episode: Episode, options: VerdictOptions)
     if is_mostly_spin and len(found) == 2:
         return [found[1]]
     return found
+
+
+def _number_windows(measured: Measurement, episode: Episode, options: VerdictOptions) -> NDArray[np.intp]:
+    """Return the number of the window (K,) that each row of an episode is in."""
+    time = measured.time[episode.pairs.sample[episode.rows]]
+    return ((time - time[0]) // options.window_s).astype(np.intp)
 
 
 def _drop_short_runs(
@@ -235,7 +240,7 @@ def _find_bouncing(episode: Episode, options: VerdictOptions) -> Finding | None:
 def _find_rolling(measured: Measurement, episode: Episode, options: VerdictOptions) -> Finding | None:
     pairs, rows = episode.pairs, episode.rows
     dt, time = episode.duration, measured.time[pairs.sample[rows]]
-    window = ((time - time[0]) // options.window_s).astype(np.intp)
+    window = _number_windows(measured, episode, options)
     everything = np.ones(len(rows), dtype=bool)
     rolled = np.degrees(_average_windows(pairs.roll_W[rows], dt, window, everything) * dt.sum())
     if rolled <= options.roll_deg:
@@ -248,16 +253,18 @@ def _find_creep(measured: Measurement, episode: Episode, options: VerdictOptions
     """Find drift inside the cone, and what MuJoCo's softness predicts of it."""
     pairs, rows, dt = episode.pairs, episode.rows, episode.duration
     time = measured.time[pairs.sample[rows]]
-    counts = (time >= episode.start_s + options.settle_s) & (pairs.utilisation[rows] < AT_BORDER)
+    window = _number_windows(measured, episode, options)
+    is_inside = np.isfinite(pairs.utilisation[rows]) & ~find_border(measured, episode, window)
+    counts = (time >= episode.start_s + options.settle_s) & is_inside
     if not counts.any():
         return None
-    window = ((time - time[0]) // options.window_s).astype(np.intp)
     rate = _average_windows(pairs.slip_W[rows], dt, window, counts)
     turn = _average_windows(pairs.spin[rows][:, None], dt, window, counts)
     bound = "an upper bound, for noslip is on" if measured.physics.noslip_iterations else ""
     begin = float(time[counts][0])
     if 1e6 * rate > options.creep_um_s:
-        predicted = 1e6 * _average_windows(pairs.creep_W[rows], dt, window, counts)
+        drift = pairs.net_creep_W if is_trembling(measured, episode, counts) else pairs.creep_W
+        predicted = 1e6 * _average_windows(drift[rows], dt, window, counts)
         return Finding(Kind.CREEPING, begin, 1e6 * rate, "um/s", predicted, bound)
     if np.degrees(turn) > options.creep_deg_s and (pairs.dim[rows] >= 4).all():
         predicted = _average_windows(pairs.creep_spin[rows][:, None], dt, window, counts)

@@ -104,12 +104,12 @@ def test_no_vector_proves_what_is_not_so() -> None:
     rng = np.random.default_rng(0)
     for azimuths in ((0.0, 140.0), (0.0, 120.0, 240.0)):
         question = build_question(azimuths, limit=1.5)
-        program = AuditProgram(*question.torque_bias.shape)
+        program = AuditProgram(*question.shape)
         rows = program._write(question)
         size = len(program._upper)
         for _ in range(2000):
             y = rng.normal(size=size) * rng.choice([0.0, 1e-6, 1.0, 1e6], size=size)
-            assert program._prove_infeasible(rows, y) is None
+            assert program._prove_infeasible(rows, y, question.length) is None
 
 
 def test_order_of_questions_does_not_matter() -> None:

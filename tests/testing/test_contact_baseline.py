@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,8 @@ from dexplan.testing.baseline import Baseline, Quantity, compare, find_baseline,
 from dexplan.testing.quantities import describe_run
 
 ROOT = Path(__file__).resolve().parents[2]
+SOURCES = ("dexplan", "models", "pyproject.toml", "README.md", "LICENSE")
+OLDEST_SETUPTOOLS = 77
 SCENE = """
 <mujoco>
   <option timestep="0.001" gravity="0 0 0" cone="elliptic" impratio="100"/>
@@ -45,11 +48,9 @@ def test_pinch(contact_baseline):
 """
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with what a wheel would install: the packages that are listed, their data, and the entry points."""
+def install_listed(site: Path) -> None:
+    """Copy what a wheel would install: the packages that are listed, their data, and the entry points."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    site = tmp_path_factory.mktemp("site")
     tool = settings["tool"]["setuptools"]
     for package in tool["packages"]:
         source = ROOT / tool["package-dir"].get(package, package.replace(".", "/"))
@@ -66,7 +67,34 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (info / "entry_points.txt").write_text(
         "[pytest11]\n" + "".join(f"{k} = {v}\n" for k, v in points.items())
     )
-    return site
+
+
+def install_wheel(site: Path) -> None:
+    """Build the wheel from a copy of the sources, without the network, and install it."""
+    if int(version("setuptools").split(".")[0]) < OLDEST_SETUPTOOLS:
+        pytest.skip("this environment's setuptools is too old; scripts/setup installs a newer one")
+    home = site.parent / "source"
+    home.mkdir()
+    for name in SOURCES:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, home / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(ROOT / name, home / name)
+    pip = [sys.executable, "-m", "pip", "-q", "--disable-pip-version-check"]
+    build = [*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", str(home / "out"), "."]
+    subprocess.run(build, cwd=home, check=True)
+    (wheel,) = (home / "out").glob("dexplan-*.whl")
+    install = [*pip, "install", "--no-deps", "--no-index", "--target", str(site), str(wheel)]
+    subprocess.run(install, cwd=home, check=True)
+
+
+@pytest.fixture(scope="module", params=[install_listed, install_wheel], ids=["listed", "wheel"])
+def site(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with dexplan installed in it, and nothing else."""
+    place = tmp_path_factory.mktemp("home") / "site"
+    place.mkdir()
+    request.param(place)
+    return place
 
 
 def run_pytest(site: Path, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -81,7 +109,8 @@ def test_a_users_project_passes_and_fails_when_friction_is_lowered(site: Path, t
     missing = run_pytest(site, tmp_path)
     assert missing.returncode == 1
     assert "pytest --contact-baseline-update writes it" in missing.stdout
-    assert run_pytest(site, tmp_path, "--contact-baseline-update").returncode == 0
+    where = run_pytest(site, tmp_path, "--contact-baseline-update", "--junitxml=junit.xml")
+    assert where.returncode == 0, where.stdout
     (stored,) = (tmp_path / "contact_baselines").iterdir()
     content = json.loads(stored.read_text())
     assert content["format"] == 1
@@ -93,8 +122,9 @@ def test_a_users_project_passes_and_fails_when_friction_is_lowered(site: Path, t
     again = run_pytest(site, tmp_path)
     assert again.returncode == 0, again.stdout
     (tmp_path / "scene.xml").write_text(SCENE.replace("MU", "0.4"))
-    slippery = run_pytest(site, tmp_path)
+    slippery = run_pytest(site, tmp_path, "--junitxml=junit.xml")
     assert slippery.returncode == 1
+    assert "beyond tolerance" in (tmp_path / "junit.xml").read_text()
     lines = [line for line in slippery.stdout.splitlines() if "beyond tolerance" in line]
     assert any("left on ball: utilisation_max" in line and "0.5" in line for line in lines), slippery.stdout
     assert "Traceback" not in slippery.stdout
@@ -152,17 +182,17 @@ def test_drift_is_relative_with_floors_and_told_in_a_table() -> None:
 
 def test_nearest_older_baseline_stands_in(tmp_path: Path) -> None:
     assert find_baseline(tmp_path, "a", "3.17.0") is None
-    for version in ("3.9", "3.16", "4.1"):
-        (tmp_path / f"a.mujoco-{version}.json").write_text("{}")
+    for stored in ("3.9", "3.16", "4.1"):
+        (tmp_path / f"a.mujoco-{stored}.json").write_text("{}")
     (tmp_path / "b.mujoco-3.17.json").write_text("{}")
-    for installed, version, is_own in (
+    for installed, nearest, is_own in (
         ("3.16.2", "3.16", True),
         ("3.17.0", "3.16", False),
         ("3.10.0", "3.9", False),
         ("4.0.0", "3.16", False),
         ("3.8.1", "3.9", False),
     ):
-        assert find_baseline(tmp_path, "a", installed) == (tmp_path / f"a.mujoco-{version}.json", is_own)
+        assert find_baseline(tmp_path, "a", installed) == (tmp_path / f"a.mujoco-{nearest}.json", is_own)
     assert name_file("a", "3.17.0") == "a.mujoco-3.17.json"
 
 

@@ -187,6 +187,12 @@ BAD = {
     "doctor include.xml": "include.xml: the include 'parts.xml' is missing",
     "doctor asset.xml": "asset.xml: MuJoCo cannot compile it",
     "doctor outside.xml": "outside.xml: the mesh '../cup.stl' is outside its folder",
+    "doctor attach.xml": "attach.xml: the model '../hand.xml' is outside its folder",
+    "doctor cube.xml": "cube.xml: the texture '/sky.png' is outside its folder",
+    "doctor deep.xml": "parts/one.xml: the include 'two.xml' is missing",
+    "doctor still.xml": "still.xml: its timestep is 0; accepted: seconds above 0",
+    "doctor gravity.xml": "gravity.xml: option gravity has a NaN",
+    "doctor nan.xml": "nan.xml: body_pos has a NaN",
     "doctor pinch.xml --object cube": "unknown object (a body or a geom) 'cube'; known: ball, left, right, skin",
     "doctor pinch.xml --tips left,wrist": "unknown tip (a body or a geom) 'wrist'",
     "doctor pinch.xml --state home": "unknown keyframe 'home'; known: held, pulled, twisted",
@@ -195,6 +201,8 @@ BAD = {
     "doctor pinch.xml --ctrl nan.npy": "ctrl: nan at (0, 0); accepted: finite numbers",
     "doctor pinch.xml --ctrl thin.npy": "ctrl: has shape (5, 2); accepted: (T, 4)",
     "doctor pinch.xml --ctrl other.npz": "other.npz: has no ctrl, but torque",
+    "doctor pinch.xml --ctrl half.npz": "half.npz: steps_per_sample is no count; accepted: one whole number",
+    "doctor pinch.xml --ctrl complex.npy": "ctrl: is no array of numbers (complex)",
     "doctor pinch.xml --seconds 0": "seconds: 0; accepted: more than 0",
     "doctor --try": "SCENE is missing",
     "doctor pinch.xml pinch.xml": "one argument too many",
@@ -218,8 +226,18 @@ def test_bad_input_is_one_line(line: str, cwd: Path, capsys: pytest.CaptureFixtu
         "include.xml": "<mujoco><include file='parts.xml'/></mujoco>",
         "asset.xml": mesh.format("cup.stl"),
         "outside.xml": mesh.format("../cup.stl"),
+        "attach.xml": "<mujoco><asset><model name='hand' file='../hand.xml'/></asset></mujoco>",
+        "cube.xml": "<mujoco><asset><texture name='sky' type='cube' fileup='/sky.png'/></asset></mujoco>",
+        "deep.xml": "<mujoco><include file='parts/one.xml'/></mujoco>",
+        "still.xml": "<mujoco><option timestep='0'/></mujoco>",
+        "gravity.xml": "<mujoco><option gravity='nan 0 0'/></mujoco>",
+        "nan.xml": "<mujoco><worldbody><body pos='nan 0 0'><geom size='.1'/></body></worldbody></mujoco>",
     }.items():
         (cwd / name).write_text(text)
+    (cwd / "parts").mkdir()
+    (cwd / "parts/one.xml").write_text("<mujoco><include file='two.xml'/></mujoco>")
+    np.save(cwd / "complex.npy", np.full((5, 4), 1j))
+    np.savez(cwd / "half.npz", ctrl=np.zeros((5, 4)), steps_per_sample=1.5)
     np.save(cwd / "nan.npy", np.full((5, 4), np.nan))
     np.save(cwd / "thin.npy", np.zeros((5, 2)))
     np.savez(cwd / "other.npz", torque=np.zeros((5, 4)))

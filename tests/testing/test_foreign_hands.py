@@ -113,7 +113,7 @@ def test_a_hand_from_a_package() -> None:
     ball = arena.worldbody.add("body", name="ball", pos=(0, 0, 0.17))
     ball.add("freejoint")
     ball.add("geom", type="sphere", size=(0.03,), mass=0.1, friction=(1, 0.005, 0.0001))
-    model = mjcf.Physics.from_mjcf_model(arena).model.ptr
+    model = mujoco.MjModel.from_xml_string(arena.to_xml_string(), arena.get_assets())
     tips = [name for name in (model.body(b).name for b in range(model.nbody)) if "finger_tip" in name]
     assert len(tips) == 3
     closing = np.tile(np.max(model.actuator_ctrlrange, axis=1), (1500, 1))

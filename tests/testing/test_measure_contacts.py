@@ -262,9 +262,10 @@ def test_what_does_not_fit_is_said_in_one_line(change: dict, told: str) -> None:
 
 
 def test_recording_and_evaluation_cost_little() -> None:
-    """A coarse guard by ratio to bare steps, in processor time, the least of several tries; a dozen contacts.
+    """At most 0.2 and 6 bare steps per sample with a dozen contacts, in processor time.
 
-    Measured: recording 0.13 of a step, evaluation 5.2; a shared machine scatters, and a guard must not.
+    The best ratio of several tries is judged, each taken in one go: 0.11 and 4.5 where it was measured, the medians 0.12 and
+    5.2.  A shared machine scatters by a fifth, and a guard must not.
     """
     boxes = "".join(f'<body name="b{k}" pos="{0.1 * k} 0 .0099">{BOX}</body>' for k in range(3))
     model = mujoco.MjModel.from_xml_string(
@@ -283,6 +284,6 @@ def test_recording_and_evaluation_cost_little() -> None:
         measured = recorder.measure()
         tries.append((stepped - began, recorded - stepped, clock() - recorded))
         assert len(measured.contacts.sample) == SAMPLES * 12
-    step, record, measure = np.min(tries, axis=0)
-    assert record <= 0.5 * step
-    assert measure <= 15.0 * step
+    step, record, measure = np.array(tries).T
+    assert np.min(record / step) <= 0.2
+    assert np.min(measure / step) <= 6.0

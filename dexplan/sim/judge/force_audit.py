@@ -59,7 +59,7 @@ class ForceAudit:
 
     def prepare(self, question: ForceQuestion) -> AuditProgram:
         """Return the program that answers questions like this one, set up at the first of them."""
-        shape = question.torque_bias.shape
+        shape = question.shape
         if shape not in self._programs:
             self._programs[shape] = AuditProgram(*shape)
         return self._programs[shape]

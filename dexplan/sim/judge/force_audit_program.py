@@ -8,7 +8,14 @@ import numpy as np
 import osqp
 from scipy.sparse import csc_matrix
 
-from dexplan.sim.judge.force_audit_values import FEASIBLE, INFEASIBLE, UNDECIDED, ForceAnswer, ForceQuestion
+from dexplan.sim.judge.force_audit_values import (
+    FEASIBLE,
+    INFEASIBLE,
+    UNDECIDED,
+    Certificate,
+    ForceAnswer,
+    ForceQuestion,
+)
 from dexplan.spatial import Array
 
 TOLERANCE = 1e-6
@@ -45,7 +52,7 @@ TANGENTIAL = [0, 1, 3]
 class _Rows(NamedTuple):
     """The numbers of one question, in units of the ceiling.
 
-    ``G`` (6, n), ``w`` (6,), ``T`` (K J, n), ``low`` and ``high`` (K J,), n = 4 K.
+    ``G`` (6, n), ``w`` (6,), ``T`` (K J + S, n), ``low`` and ``high`` (K J + S,), n = 4 K.
     """
 
     G: Array
@@ -55,19 +62,27 @@ class _Rows(NamedTuple):
     high: Array
 
 
+class _Proof(NamedTuple):
+    """By how much every force misses the wrench [ceilings], the certificate, and what is left of its rows."""
+
+    shortfall: float
+    certificate: Certificate
+    residual: float
+
+
 @final
 class AuditProgram:
-    """The programs of K fingers with J joints, written down in :mod:`dexplan.sim.judge.force_audit`.
+    """The programs of K fingers with J joints and S shared limits, written down in :mod:`dexplan.sim.judge.force_audit`.
 
     The pattern of entries is fixed and OSQP set up once; planes come and go in their slots.
-    Rows: wrench | normal forces | tangent planes, SLOTS per finger | joint torques.
+    Rows: wrench | normal forces | tangent planes, SLOTS per finger | joint torques | shared limits.
     """
 
-    def __init__(self, count: int, joints: int) -> None:
+    def __init__(self, count: int, joints: int, shared: int = 0) -> None:
         self._count, size = count, 4 * count
         self._normal = 4 * np.arange(count) + 2
         planes, torques = 6 + count, 6 + count + count * SLOTS
-        total = torques + count * joints
+        total = torques + count * joints + shared
         pattern, A = np.zeros((total, size), dtype=bool), np.zeros((total, size))
         pattern[:6] = True
         pattern[6 + np.arange(count), self._normal] = True
@@ -76,6 +91,7 @@ class AuditProgram:
             own = slice(4 * k, 4 * k + 4)
             pattern[planes + k * SLOTS : planes + (k + 1) * SLOTS, own] = True
             pattern[torques + k * joints : torques + (k + 1) * joints, own] = True
+        pattern[torques + count * joints :] = True
         self._A, self._planes, self._torques = A, slice(planes, torques), slice(torques, total)
         self._columns_of, self._rows_of = np.nonzero(pattern.T)
         self._starts = np.concatenate([[0], np.cumsum(pattern.sum(axis=0))])
@@ -117,6 +133,10 @@ class AuditProgram:
         unit = REACH * question.ceiling
         low = (-question.torque_limit - question.torque_bias).ravel() / unit
         high = (question.torque_limit - question.torque_bias).ravel() / unit
+        if question.shared is not None:
+            T[self._count * joints :] = question.shared.maps * scale.ravel() / REACH
+            low = np.concatenate([low, question.shared.low / unit])
+            high = np.concatenate([high, question.shared.high / unit])
         self._A[:6], self._A[self._torques] = G, T
         self._lower[:6] = self._upper[:6] = w
         self._lower[self._torques], self._upper[self._torques] = low, high
@@ -141,10 +161,19 @@ class AuditProgram:
                     y = np.array(result.prim_inf_cert)
                     # What is left of the iterates would be a bad start for the next solve.
                     solver.warm_start(self._aim, np.zeros(len(self._upper)))
-                miss = self._prove_infeasible(rows, y)
-                if miss is not None:
-                    shortfall = miss[0] * question.ceiling
-                    return ForceAnswer(INFEASIBLE, None, np.nan, shortfall, miss[1], number, iterations)
+                proof = self._prove_infeasible(rows, y, question.length)
+                if proof is not None:
+                    shortfall = proof.shortfall * question.ceiling
+                    return ForceAnswer(
+                        INFEASIBLE,
+                        None,
+                        np.nan,
+                        shortfall,
+                        proof.residual,
+                        number,
+                        iterations,
+                        proof.certificate,
+                    )
                 if is_out:
                     break
                 x += np.linalg.lstsq(rows.G, rows.w - rows.G @ x, rcond=None)[0]
@@ -181,8 +210,8 @@ class AuditProgram:
             self._solvers[attempt] = solver
         return solver
 
-    def _prove_infeasible(self, rows: _Rows, y: Array) -> tuple[float, float] | None:
-        """Return by how much every force misses the wrench [ceilings], as ``y`` proves, and y's residual.
+    def _prove_infeasible(self, rows: _Rows, y: Array, length: float) -> _Proof | None:
+        """Return what ``y`` proves of how far every force misses the wrench; ``length`` [m] scales its torques.
 
         Cones, ceiling and torque limits are kept, the inequality is that of the module
         :mod:`dexplan.sim.judge.force_audit`.  None: nothing is proven.
@@ -199,10 +228,12 @@ class AuditProgram:
         most = turning[pushed] @ rows.high[pushed] + turning[pulled] @ rows.low[pulled]
         z = (nu @ rows.G + turning @ rows.T).reshape(-1, 4)
         least = np.minimum(0.0, z[:, 2] - np.linalg.norm(z[:, TANGENTIAL], axis=1)).sum()
-        gap, length = float(least - nu @ rows.w - most), float(np.linalg.norm(nu))
-        if not gap > PROOF * max(length, float(np.linalg.norm(turning))):
+        gap, size = float(least - nu @ rows.w - most), float(np.linalg.norm(nu))
+        if not gap > PROOF * max(size, float(np.linalg.norm(turning))):
             return None
-        return gap / length if length > 0.0 else np.inf, float(np.abs(y @ self._A).max())
+        certificate = Certificate(-nu * np.repeat([1.0, 1.0 / length], 3), -turning / REACH)
+        shortfall = gap / size if size > 0.0 else np.inf
+        return _Proof(shortfall, certificate, float(np.abs(y @ self._A).max()))
 
     def _leave_cones(self, x: Array) -> Array:
         """Return by how much (K,) the forces leave their cones; negative inside."""
