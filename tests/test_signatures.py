@@ -25,7 +25,6 @@ ROOMS = (
 MOST_ARGUMENTS, LONGEST_TUPLE = 7, 2
 TOO_MANY: dict[str, set[str]] = {
     "contact/rolling/roll_to.py": {"_find_outsets", "roll_to"},
-    "grasp/force/solver.py": {"__init__", "solve"},
     "planning/tasks/dextrous_manipulation.py": {"plan_dextrous_manipulation"},
     "planning/tasks/grasp_adjustment.py": {"plan_grasp_adjustment"},
     "planning/tasks/stages.py": {"_adjust", "run"},

@@ -13,7 +13,16 @@ from dexplan.control.hand import MeasuredHand
 from dexplan.control.observation import Observation
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Phase, Reference
-from dexplan.grasp.force.solver import EXCHANGES, GENTLE_FRICTION, ForceLimits, ForceSolution, ForceSolver
+from dexplan.grasp.force.solver import (
+    EXCHANGES,
+    GENTLE_FRICTION,
+    ForceLimits,
+    ForceProblem,
+    ForceSettings,
+    ForceSolution,
+    ForceSolver,
+    SolverOptions,
+)
 from dexplan.grasp.grasp import map_contact
 from dexplan.plans.pace import smooth_step
 from dexplan.scene.scene import Scene
@@ -105,7 +114,11 @@ class ForceControl:
         wrench[3:] = self._scene.object.inertia @ (R_WO.T @ acceleration[3:])
         bias = self._hand.bias[rows]
         limits = self._limit_forces(holding, tuple(share.tolist()))
-        answer = solver.solve(maps.G, wrench, limits, share * self._normal_force, maps.torques, bias)
+        answer = solver.solve(
+            ForceProblem(
+                solver.settings, maps.G, wrench, limits, share * self._normal_force, maps.torques, bias
+            )
+        )
         forces = answer.forces if answer.is_solved else np.nan_to_num(answer.forces)
         R_WC = R_WO @ maps.frames
         f_W = (R_WC @ forces[:, :3, None])[..., 0]
@@ -120,13 +133,9 @@ class ForceControl:
         solver = self._solvers.get(holding)
         if solver is None:
             size = float(np.linalg.norm(self._scene.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
-            solver = ForceSolver(
-                [self._friction] * len(holding),
-                self._shape[1],
-                length=size,
-                friction_weight=GENTLE_FRICTION,
-                exchanges=EXCHANGES if self._options.force_solver == "daqp" else 0,
-            )
+            settings = ForceSettings((self._friction,) * len(holding), size, friction_weight=GENTLE_FRICTION)
+            exchanges = EXCHANGES if self._options.force_solver == "daqp" else 0
+            solver = ForceSolver(settings, self._shape[1], SolverOptions(exchanges=exchanges))
             self._solvers[holding], self._rows[holding] = solver, np.array(holding)
         return solver
 
