@@ -50,8 +50,17 @@ class _Moment(NamedTuple):
 def _look_at(path: ObjectPath, t: float) -> _Moment:
     if path.motion.is_still:
         return _Moment(path, t, path.motion.X_WO_start, _STILL)
-    X, _, acceleration = path.sample(t)
-    return _Moment(path, t, X, acceleration)
+    state = path.sample(t)
+    return _Moment(path, t, state.X_WO, state.acceleration)
+
+
+class _Stage(NamedTuple):
+    """The ``phase`` that holds now, the time ``t`` [s] within it, whether all ``is_done``, and what failed."""
+
+    phase: Phase
+    t: float
+    is_done: bool
+    failure: str | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +150,8 @@ class Controller:
             self._commanded.start(self._measured.qpos)
             self._targets[:] = self._measured.X_WF
 
-    def _advance(self, observation: Observation) -> tuple[Phase, float, bool, str | None]:
-        """Move on to the phase that holds now; return it, the time within it, whether all is done, and what failed."""
+    def _advance(self, observation: Observation) -> _Stage:
+        """Move on to the phase that holds now."""
         phases = self._reference.phases
         failure = None
         if self._phase < 0:
@@ -159,7 +168,7 @@ class Controller:
             else:
                 over = t > phase.duration - 0.5 * self._tick
             if not over or last:
-                return phase, t, over and last, failure
+                return _Stage(phase, t, over and last, failure)
             self._enter(self._phase + 1, observation.time, observation)
 
     def _enter(self, index: int, time: float, observation: Observation) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,14 @@ REST = Pace(1.0, 0.3, "ramp")
 """The pace of an object that stays where it is; any will do."""
 
 
+class ObjectState(NamedTuple):
+    """Where a reference has the object: ``X_WO`` (4, 4), and in W its ``twist`` (v, w) (6,) and ``acceleration`` (6,)."""
+
+    X_WO: Array
+    twist: Array
+    acceleration: Array
+
+
 @dataclass(frozen=True, eq=False)
 class ObjectPath:
     """A motion of the object in time."""
@@ -41,15 +49,15 @@ class ObjectPath:
         """Return how much of the motion is done ``t`` [s] after its start (0..1), and two derivatives in time."""
         return self.pace.progress(t)
 
-    def sample(self, t: float) -> tuple[Array, Array, Array]:
-        """Return X_WO (4, 4), its twist (v, w) and acceleration (6,) in world axes, ``t`` [s] after the start."""
+    def sample(self, t: float) -> ObjectState:
+        """Return where the object is to be ``t`` [s] after the start."""
         motion = self.motion
         s, ds, dds = self.progress(t)
         X = motion.X_WO_start.copy()
         X[:3, :3] = rotation_matrix(s * motion.angle * motion.axis_W) @ X[:3, :3]
         X[:3, 3] += s * motion.shift_W
         direction = np.concatenate([motion.shift_W, motion.angle * motion.axis_W])
-        return X, ds * direction, dds * direction
+        return ObjectState(X, ds * direction, dds * direction)
 
 
 @dataclass(frozen=True, eq=False)
