@@ -32,7 +32,6 @@ TOO_MANY: dict[str, set[str]] = {
 }
 """File -> functions with more arguments.  This list only shrinks."""
 BARE: dict[str, set[str]] = {
-    "control/tasks.py": {"compute_qp_residual"},
     "planning/admissible/admissibility.py": {"_compute_load"},
     "planning/gait/orbits.py": {"_measure_runs", "_measure_windows", "_solve"},
     "planning/gait/states.py": {"where"},

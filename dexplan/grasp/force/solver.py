@@ -169,10 +169,13 @@ class ForceSolver:
         method: str,
         iterations: int,
     ) -> ForceSolution:
-        forces = np.zeros((len(self.models), 4))
-        forces.ravel()[self._rows.padded] = x * self._rows.force_of_x
+        forces = x * self._rows.force_of_x
+        if len(forces) < 4 * len(self.models):
+            padded = np.zeros(4 * len(self.models))
+            padded[self._rows.padded] = forces
+            forces = padded
         forces.setflags(write=False)
-        return ForceSolution(forces, status, problem, cures, method, iterations)
+        return ForceSolution(forces.reshape(-1, 4), status, problem, cures, method, iterations)
 
     def _solve_slowly(self, problem: ForceProblem, is_explained: bool) -> ForceSolution:
         """Run OSQP, then an exact method; failing both, say why there are no forces if that is asked for."""
