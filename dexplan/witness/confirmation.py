@@ -40,8 +40,8 @@ class Case:
 
 
 def list_builtin_cases(solvers: Sequence[str] = SOLVERS, rate: int | None = None) -> Iterator[Case]:
-    """Yield every built-in problem in both physics profiles with each of the force ``solvers``, at ``rate`` ticks per second where
-    one is given, else at its own.
+    """Yield every built-in problem in both physics profiles with each of the force ``solvers``, at ``rate`` [Hz], or at its own
+    control rate.
     """
     for name, profile, solver in product(list_problems(), PROFILES, solvers):
         changes: dict[str, Any] = {"control.physics_profile": profile, "control.force_solver": solver}
