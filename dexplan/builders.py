@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from dexplan.contact.friction import SoftFinger
-from dexplan.control.options import ControlOptions, compute_torque_fraction
-from dexplan.control.rate import choose_rate
+from dexplan.control.options import RATE, ControlOptions, compute_torque_fraction
+from dexplan.control.rate import choose_rate, limit_joint_speed
 from dexplan.kinematics.workspace import load_workspace
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.limits import AdmissibleLimits
@@ -116,8 +116,14 @@ def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
 
 
 def build_timing(problem: Problem) -> Timing:
-    """Return the timing that the problem's speed asks for."""
-    return Timing(object_speed=float(np.radians(problem.control.speed_deg_s)))
+    """Return the timing that the problem's speed and control rate ask for."""
+    timing, asked = (
+        Timing(object_speed=float(np.radians(problem.control.speed_deg_s))),
+        problem.control.rate_hz,
+    )
+    # A rate that is chosen is never below RATE.
+    rate = RATE if asked == "auto" else float(asked)
+    return replace(timing, joint_speed=limit_joint_speed(timing.joint_speed, rate))
 
 
 def build_improvement(problem: Problem) -> Improvement:

@@ -131,7 +131,7 @@ def rotate_about(axis: ArrayLike, angle: ArrayLike) -> Array:
 def rotation_vector(R: Array) -> Array:
     """Return the rotation vector (3,) [rad] of one rotation matrix (3, 3) that turns by less than half a turn.
 
-    For control ticks: a tenth of the cost of a scipy object.
+    A tenth of the cost of a scipy object.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
     x, y, z = zy - yz, xz - zx, yx - xy
@@ -141,44 +141,21 @@ def rotation_vector(R: Array) -> Array:
     return np.array([scale * x, scale * y, scale * z])
 
 
-def rotation_matrix(w: Array) -> Array:
-    """Return the rotation matrix (3, 3) of one rotation vector (3,) [rad] (Rodrigues' formula)."""
-    x, y, z = w.tolist()
-    angle = math.sqrt(x * x + y * y + z * z)
-    s = math.sin(angle) / angle if angle > 1e-9 else 1.0
-    c = (1.0 - math.cos(angle)) / (angle * angle) if angle > 1e-6 else 0.5
-    return np.array(
-        [
-            [1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y],
-            [c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x],
-            [c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)],
-        ]
-    )
-
-
-def scale_rotations(R: Array, share: float) -> Array:
-    """Return the rotations (N, 3, 3) about the same axes as ``R`` (N, 3, 3), each by ``share`` of its angle.
-
-    For control ticks, a few at a time: the same formulas as :func:`rotation_vector` and :func:`rotation_matrix`.
-    """
+def build_frames(z: Array) -> Array:
+    """Return the rotations (N, 3, 3) of :func:`build_frame` for vectors (N, 3) of any length; for a few at a time."""
     out = []
-    for (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) in R.tolist():
-        x, y, z = zy - yz, xz - zx, yx - xy
-        sine = 0.5 * math.sqrt(x * x + y * y + z * z)
-        angle = math.atan2(sine, 0.5 * (xx + yy + zz - 1.0))
-        scale = 0.5 * angle / sine if sine > 1e-9 else 0.5
-        x, y, z = share * (scale * x), share * (scale * y), share * (scale * z)
-        angle = math.sqrt(x * x + y * y + z * z)
-        s = math.sin(angle) / angle if angle > 1e-9 else 1.0
-        c = (1.0 - math.cos(angle)) / (angle * angle) if angle > 1e-6 else 0.5
-        out.append(
-            [
-                [1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y],
-                [c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x],
-                [c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)],
-            ]
-        )
-    return np.array(out)
+    for x0, y0, z0 in z.tolist():
+        length = math.sqrt(x0 * x0 + y0 * y0 + z0 * z0)
+        zx, zy, zz = x0 / length, y0 / length, z0 / length
+        yx, yy, yz = -zz * zx, -zz * zy, 1.0 - zz * zz
+        square = yx * yx + yy * yy + yz * yz
+        if square < 1e-12:
+            yx, yy, yz = 1.0 - zx * zx, -zx * zy, -zx * zz
+            square = yx * yx + yy * yy + yz * yz
+        length = math.sqrt(square)
+        yx, yy, yz = yx / length, yy / length, yz / length
+        out += [yy * zz - yz * zy, yx, zx, yz * zx - yx * zz, yy, zy, yx * zy - yy * zx, yz, zz]
+    return np.array(out).reshape(-1, 3, 3)
 
 
 def skew(w: Array) -> Array:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
+
+from dexplan.pool import answer_as_done
 
 
 class Keyed(Protocol):
@@ -48,15 +48,10 @@ def answer_all(
             left.append(item)
     path.parent.mkdir(parents=True, exist_ok=True)
     torn = path.exists() and not path.read_bytes().endswith(b"\n")
-    with (
-        path.open("a", encoding="utf-8") as file,
-        ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
-    ):
+    with path.open("a", encoding="utf-8") as file:
         if torn and path.stat().st_size:
             file.write("\n")
-        asked = [pool.submit(answer, item) for item in left]
-        for done in as_completed(asked):
-            row = done.result()
+        for _, row in answer_as_done(answer, left, workers):
             file.write(json.dumps(row) + "\n")
             file.flush()
             yield row

@@ -32,7 +32,7 @@ GROUND = "errors spatial brief notebook icosphere moved"
 MATH = "numpy scipy"
 ALL = (
     f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz page witness problems cli commands "
-    "arguments builders pipeline run_folder terminal usage __init__"
+    "arguments builders pipeline pool run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plans scene"
 PROBLEMS = (
@@ -84,6 +84,7 @@ ROOMS = {
     "witness": _see(ALL, f"{MATH} mujoco matplotlib tqdm clarabel"),
     "problems": _see(ALL, f"{MATH} msgspec tomli_w"),
     "run_folder": _see(f"{GROUND} problems", "tomli_w"),
+    "pool": _see(""),
     "terminal": _see(GROUND),
     "usage": _see(GROUND, "tyro"),
     "cli": _see(ALL, "tyro"),

@@ -17,7 +17,7 @@ A plan has all ways and times; the reference has nothing to compute but curves t
 >>> from dexplan.plans.pace import Pace
 >>> shift = ObjectMotion(np.eye(4), np.array([0.0, 0.0, 1.0]), 0.0, np.array([0.0, 0.0, 0.02]))
 >>> path = ObjectPath(shift, Pace(duration=1.0, ramp=0.3, limit="shift_speed"))
->>> [round(float(path.sample(t)[0][2, 3]), 9) for t in (0.0, 0.5, 1.0)]
+>>> [round(float(path.sample(t).X_WO[2, 3]), 9) for t in (0.0, 0.5, 1.0)]
 [0.0, 0.01, 0.02]
 """
 

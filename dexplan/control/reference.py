@@ -7,9 +7,9 @@ the touch sensor of that finger answers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,10 +22,18 @@ from dexplan.plans.pace import Pace, Progress, smooth_step
 from dexplan.plans.plan import Plan
 from dexplan.plans.timing import Touchdown
 from dexplan.plans.tip_roll import TipRoll
-from dexplan.spatial import Array, read_only, rotation_matrix
+from dexplan.spatial import Array, read_only, rotate_about
 
 REST = Pace(1.0, 0.3, "ramp")
 """The pace of an object that stays where it is; any will do."""
+
+
+class ObjectState(NamedTuple):
+    """Where an object is to be: ``X_WO`` (..., 4, 4), and in W its ``twist`` (v, w) (..., 6) and ``acceleration`` (..., 6)."""
+
+    X_WO: Array
+    twist: Array
+    acceleration: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +49,20 @@ class ObjectPath:
         """Return how much of the motion is done ``t`` [s] after its start (0..1), and two derivatives in time."""
         return self.pace.progress(t)
 
-    def sample(self, t: float) -> tuple[Array, Array, Array]:
-        """Return X_WO (4, 4), its twist (v, w) and acceleration (6,) in world axes, ``t`` [s] after the start."""
+    def sample(self, t: float) -> ObjectState:
+        """Return where the object is to be ``t`` [s] after the start."""
+        X, twist, acceleration = self.sample_many([t])
+        return ObjectState(X[0], twist[0], acceleration[0])
+
+    def sample_many(self, times: Sequence[float]) -> ObjectState:
+        """Return where the object is to be at ``times`` (N,) [s] after the start, one row each."""
         motion = self.motion
-        s, ds, dds = self.progress(t)
-        X = motion.X_WO_start.copy()
-        X[:3, :3] = rotation_matrix(s * motion.angle * motion.axis_W) @ X[:3, :3]
-        X[:3, 3] += s * motion.shift_W
+        done, rate, acceleration = np.array([self.progress(t) for t in times]).T
+        X = np.tile(motion.X_WO_start, (len(times), 1, 1))
+        X[:, :3, :3] = rotate_about(motion.axis_W, done * motion.angle) @ motion.X_WO_start[:3, :3]
+        X[:, :3, 3] += np.outer(done, motion.shift_W)
         direction = np.concatenate([motion.shift_W, motion.angle * motion.axis_W])
-        return X, ds * direction, dds * direction
+        return ObjectState(X, np.outer(rate, direction), np.outer(acceleration, direction))
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from dexplan.control.poses import Pose
 from dexplan.control.reference import Phase
 from dexplan.kinematics.finger import FingerDescription
 from dexplan.spatial import Array
@@ -33,10 +34,10 @@ class FreeWay:
         self._path = CubicSpline(share, phase.postures + (1.0 - share)[:, None] * off)
         self._finger, self._phase = finger, phase
         self._start, self._tick, self._timestep = start, tick, timestep
-        self._poses: dict[float, Array] = {}
+        self._poses: dict[float, Pose] = {}
 
-    def find_aim(self, time: float) -> Array:
-        """Return the tip pose X_WF (4, 4) to be at, at the end of the tick that starts at ``time`` [s]."""
+    def find_aim(self, time: float) -> Pose:
+        """Return the tip pose X_WF to be at, at the end of the tick that starts at ``time`` [s]."""
         pose = self._poses.get(time)
         if pose is None:
             # Time is summed up step by step, as the simulator does: then the ticks to come are met bit by bit.
@@ -44,7 +45,7 @@ class FreeWay:
             sums = np.add.accumulate(np.array([time, *[self._timestep] * (AHEAD * steps)]))
             times = sums[::steps].tolist()
             travelled = [self._phase.travelled(at - self._start + self._tick) for at in times]
-            poses = self._finger.pose_at(self._path(np.array(travelled)))
+            poses = [Pose.from_matrix(X) for X in self._finger.pose_at(self._path(np.array(travelled)))]
             self._poses = dict(zip(times, poses, strict=True))
             pose = poses[0]
         return pose

@@ -6,7 +6,7 @@ What is called solved has to pass; what is not solved is listed with its status 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -39,11 +39,17 @@ class Case:
     least_placements: int = 0
 
 
-def list_builtin_cases() -> Iterator[Case]:
-    """Yield every built-in problem in both physics profiles with either force solver."""
-    for name, profile, solver in product(list_problems(), PROFILES, SOLVERS):
-        changes = {"control.physics_profile": profile, "control.force_solver": solver}
-        yield Case(f"{name} {profile} {solver}", load_problem(name, changes))
+def list_builtin_cases(solvers: Sequence[str] = SOLVERS, rate: int | None = None) -> Iterator[Case]:
+    """Yield every built-in problem in both physics profiles with each of the force ``solvers``, at ``rate`` [Hz], or at its own
+    control rate.
+    """
+    for name, profile, solver in product(list_problems(), PROFILES, solvers):
+        changes: dict[str, Any] = {"control.physics_profile": profile, "control.force_solver": solver}
+        key = f"{name} {profile} {solver}"
+        if rate is not None:
+            changes["control.rate_hz"] = rate
+            key += f" {rate} Hz"
+        yield Case(key, load_problem(name, changes))
 
 
 def list_attitude_cases(first: int, count: int) -> Iterator[Case]:

@@ -17,15 +17,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
 from dexplan.brief import brief_repr
+from dexplan.pool import answer_as_done
 from dexplan.witness import experiments
 from dexplan.witness.experiments import EXPERIMENTS, Experiment, compute_load_aware, run
 from dexplan.witness.outcome import (
@@ -287,9 +286,5 @@ def _work(job: tuple[Any, ...]) -> Boundary | CurvePoint | GridPoint:
 
 def _map(work: Callable[[Any], Any], jobs: Sequence[Any], workers: int) -> Iterator[Any]:
     """Yield the results of ``work`` in the order in which they are done, from ``workers`` processes (1: this one)."""
-    if workers <= 1:
-        yield from map(work, jobs)
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(work, job) for job in jobs]):
-            yield future.result()
+    for _, done in answer_as_done(work, jobs, workers):
+        yield done

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
+from dexplan.pool import answer_in_order
 from dexplan.witness import lifted
 from dexplan.witness.diagram import Boundary, describe_settings, measure_diagram
 from dexplan.witness.lifted import LiftedFinger, draw, lift
@@ -69,15 +69,12 @@ def main(arguments: Sequence[str] | None = None, description: str | None = None)
 def lift_many(count: int, workers: int = 2, first_seed: int = 0) -> Iterator[LiftedFinger]:
     """Yield ``count`` lifted fingers: those of the first seeds whose grasps are admissible, in order."""
     found = 0
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        seed = first_seed
-        while found < count:
-            batch = range(seed, seed + 4 * workers)
-            seed = batch.stop
-            for case in pool.map(_lift_seed, batch):
-                if case is not None and found < count:
-                    found += 1
-                    yield case
+    for case in answer_in_order(_lift_seed, itertools.count(first_seed), workers):
+        if found == count:
+            return
+        if case is not None:
+            found += 1
+            yield case
 
 
 def _lift_seed(seed: int) -> LiftedFinger | None:

@@ -18,6 +18,7 @@ from dexplan.control.controller import Command, Controller
 from dexplan.control.hand import build_hand_body
 from dexplan.control.observation import Observation
 from dexplan.control.options import RATE, ControlOptions
+from dexplan.control.poses import Pose
 from dexplan.control.reference import Reference, build_reference
 from dexplan.control.tasks import FingertipTask
 from dexplan.kinematics.chain import solve_ik
@@ -82,7 +83,7 @@ def test_fingertip_task_jacobian_agrees_with_differences(scene: Scene) -> None:
     X[:, :3, :3] = configuration.data.site_xmat[scene.tip_sites].reshape(-1, 3, 3)
     X[:, :3, 3] = configuration.data.site_xpos[scene.tip_sites]
     X[:, :3, 3] += 0.003  # the position error is exact at any distance
-    task.set_targets(X)
+    task.set_targets([Pose.from_matrix(x) for x in X])
     J = task.compute_jacobian(configuration).copy()
     h = 1e-6
     for finger in range(scene.n_fingers):
@@ -104,10 +105,10 @@ def test_fingertip_task_error_is_zero_on_target_and_points_from_it(scene: Scene)
     X = np.tile(np.eye(4), (scene.n_fingers, 1, 1))
     X[:, :3, :3] = data.site_xmat[scene.tip_sites].reshape(-1, 3, 3)
     X[:, :3, 3] = data.site_xpos[scene.tip_sites]
-    task.set_targets(X)
+    task.set_targets([Pose.from_matrix(x) for x in X])
     np.testing.assert_allclose(task.compute_error(configuration), 0.0, atol=1e-12)
     X[0, :3, 3] += [0.0, 0.0, 0.01]
-    task.set_targets(X)
+    task.set_targets([Pose.from_matrix(x) for x in X])
     np.testing.assert_allclose(task.compute_error(configuration)[:3], [0.0, 0.0, -0.01], atol=1e-12)
 
 

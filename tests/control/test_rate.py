@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.control.rate import RATES, STEPS, TWIST, choose_rate
+from dexplan.control.rate import JOINT_STEP, RATES, STEPS, TWIST, choose_rate
 from dexplan.errors import ProblemError
 from dexplan.problems.read import load_problem
 
@@ -92,3 +92,20 @@ def test_forces_follow_what_is_told_while_load_goes_from_finger_to_finger() -> N
         off[relaxation] = trace["contact_force"][late] - trace["contact_force_reference"][late]
     assert np.nanmax(np.abs(off[0.02][..., 2])) < 0.1
     assert np.nanmax(np.abs(off[0.02][..., 3])) < 0.7 * np.nanmax(np.abs(off[0.15][..., 3]))
+
+
+@pytest.mark.parametrize(
+    ("asked", "speed"), [("auto", 6.0), (125, 125 * JOINT_STEP), (250, 6.0), (500, 6.0), (1000, 6.0)]
+)
+def test_free_fingers_go_no_farther_in_a_tick_than_servos_bear(asked: object, speed: float) -> None:
+    problem = load_problem("hold_two", {"control.rate_hz": asked})
+    assert pipeline.build_timing(problem).joint_speed == speed
+
+
+def test_servos_have_torque_to_spare_at_125_hz() -> None:
+    """With the finger speeds of 250 Hz they gave 0.93 of it on this way."""
+    problem = load_problem("adjust_grasp", {"control.rate_hz": 125})
+    plan = pipeline.plan(problem)
+    report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan), groups=["forces"])
+    (check,) = (check for check in report.checks if check.name == "torque_utilisation_max")
+    assert check.status == "pass", check

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import clarabel
 import numpy as np
@@ -11,10 +12,28 @@ from scipy.sparse import csc_matrix, diags
 
 from dexplan.contact.friction import HardFinger, SoftFinger
 from dexplan.grasp.force.diagnosis import Loosening
-from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings
+from dexplan.grasp.force.solver import (
+    ForceLimits,
+    ForceProblem,
+    ForceSettings,
+    ForceSolution,
+    ForceSolver,
+    SolverOptions,
+)
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 
 RADIUS = 0.035
+
+
+def ask(solver: ForceSolver, *values: Any, **more: Any) -> ForceSolution:
+    """Return what ``solver`` answers to the problem of its settings with these values."""
+    return solver.solve(ForceProblem(solver.settings, *values, **more))
+
+
+def build_solver(problem: ForceProblem, options: SolverOptions | None = None) -> ForceSolver:
+    """Return a new solver for problems like this one."""
+    joints = 0 if problem.torque_maps is None else problem.torque_maps.shape[1]
+    return ForceSolver(problem.settings, joints, options)
 
 
 @dataclass(frozen=True, eq=False)

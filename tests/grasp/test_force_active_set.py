@@ -7,12 +7,19 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from reference_forces import RADIUS, draw_problem
+from reference_forces import RADIUS, build_solver, draw_problem
 
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
 from dexplan.grasp.force.active_set import DualActiveSet, is_optimal
 from dexplan.grasp.force.program import ForceRows
-from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings, ForceSolution, ForceSolver
+from dexplan.grasp.force.solver import (
+    ForceLimits,
+    ForceProblem,
+    ForceSettings,
+    ForceSolution,
+    ForceSolver,
+    SolverOptions,
+)
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 from dexplan.spatial import Array, direction_from_angles
 
@@ -59,10 +66,10 @@ def draw_sequence(models: list[ContactModel], azimuths: list[float], weight: flo
 )
 def test_warm_through_jumps(models: list[ContactModel], azimuths: list[float], weight: float) -> None:
     """No slower method is needed for any feasible problem, and what is called infeasible is so by HiGHS."""
-    solver = ForceSolver(models, length=RADIUS, friction_weight=weight)
+    solver = ForceSolver(ForceSettings(tuple(models), length=RADIUS, friction_weight=weight))
     methods: Counter[str] = Counter()
     for problem in draw_sequence(models, azimuths, weight):
-        solution = solver.solve(problem.G, problem.wrench, problem.limits, problem.target_normal)
+        solution = solver.solve(problem)
         assert solution.is_solved == (solution.method == "DAQP"), (solution.status, solution.method)
         assert solution.is_solved or solution.cures, solution.status
         methods[solution.method] += 1
@@ -84,19 +91,7 @@ def test_other_methods_take_over_where_exchanges_do_not_suffice() -> None:
 
 
 def solve(problem: ForceProblem, exchanges: int) -> ForceSolution:
-    s = problem.settings
-    joints = 0 if problem.torque_maps is None else problem.torque_maps.shape[1]
-    solver = ForceSolver(
-        s.models, joints, length=s.length, friction_weight=s.friction_weight, exchanges=exchanges
-    )
-    return solver.solve(
-        problem.G,
-        problem.wrench,
-        problem.limits,
-        problem.target_normal,
-        problem.torque_maps,
-        problem.torque_bias,
-    )
+    return build_solver(problem, SolverOptions(exchanges=exchanges)).solve(problem)
 
 
 class TestProof:

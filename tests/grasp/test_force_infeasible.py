@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_forces import RADIUS, draw_problem, measure_lack
+from reference_forces import RADIUS, build_solver, draw_problem, measure_lack
 
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
 from dexplan.grasp.force.diagnosis import Loosening
-from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings, ForceSolution, ForceSolver
+from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings, ForceSolution
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 from dexplan.spatial import GRAVITY, direction_from_angles
 
@@ -51,14 +51,8 @@ def build_problem(
 
 def solve(problem: ForceProblem, band: float = 0.0) -> ForceSolution:
     """Solve ``problem`` afresh."""
-    s, maps = problem.settings, problem.torque_maps
-    joints = 0 if maps is None else maps.shape[1]
-    solver = ForceSolver(
-        s.models, joints, length=s.length, friction_weight=s.friction_weight, wrench_tolerance=band
-    )
-    return solver.solve(
-        problem.G, problem.wrench, problem.limits, problem.target_normal, maps, problem.torque_bias
-    )
+    problem = replace(problem, settings=replace(problem.settings, wrench_tolerance=band))
+    return build_solver(problem).solve(problem)
 
 
 def widen(problem: ForceProblem, cure: tuple[Loosening, ...]) -> ForceProblem | None:
@@ -244,10 +238,10 @@ def measure_wrench_lack(problem: ForceProblem) -> float:
 
 
 def test_a_solver_recovers_from_infeasible_problems() -> None:
-    solver = ForceSolver([SOFT] * 3, length=RADIUS)
     good, bad = build_problem(floor=4.0), build_problem(ceiling=0.2)
+    solver = build_solver(good)
     for problem in (good, bad, bad, good):
-        solution = solver.solve(problem.G, problem.wrench, problem.limits, problem.target_normal)
+        solution = solver.solve(problem)
         assert solution.is_solved == (problem is good)
 
 

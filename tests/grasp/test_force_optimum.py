@@ -10,38 +10,26 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference_forces import RADIUS, Reference, draw_problem, solve_reference
+from reference_forces import RADIUS, Reference, build_solver, draw_problem, solve_reference
 
 from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
 from dexplan.grasp.force.certificate import prove_optimality
-from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings, ForceSolution, ForceSolver
+from dexplan.grasp.force.solver import (
+    ForceLimits,
+    ForceProblem,
+    ForceSettings,
+    ForceSolution,
+    SolverOptions,
+)
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 from dexplan.spatial import GRAVITY, Array, direction_from_angles, read_only
 
 PROBLEMS = 300
 
 
-def solve(problem: ForceProblem, **options: float) -> ForceSolution:
+def solve(problem: ForceProblem, options: SolverOptions | None = None) -> ForceSolution:
     """Solve ``problem`` afresh."""
-    s = problem.settings
-    joints = 0 if problem.torque_maps is None else problem.torque_maps.shape[1]
-    solver = ForceSolver(
-        s.models,
-        joints,
-        length=s.length,
-        friction_weight=s.friction_weight,
-        smoothness=s.smoothness,
-        **options,
-    )
-    return solver.solve(
-        problem.G,
-        problem.wrench,
-        problem.limits,
-        problem.target_normal,
-        problem.torque_maps,
-        problem.torque_bias,
-        problem.previous,
-    )
+    return build_solver(problem, options).solve(problem)
 
 
 @lru_cache
@@ -69,7 +57,7 @@ class TestSamePolytope:
         """Measured: cost and forces to 2e-8 as the solver is used; to 2e-5 and 1e-4 for OSQP alone (half a percent is asked)."""
         solved = refused = 0
         for problem, reference in random_problems():
-            solution = solve(problem, exchanges=exchanges)
+            solution = solve(problem, SolverOptions(exchanges=exchanges))
             if not np.isfinite(reference.cost):
                 assert reference.status == "PrimalInfeasible"
                 assert solution.status.startswith("infeasible"), solution.status
@@ -88,7 +76,7 @@ class TestSamePolytope:
         problem = lightest([HardFinger(0.5)] * 2, (0.0, 180.0), 0.05)
         assert np.linalg.matrix_rank(problem.G) == 5
         for exchanges in (200, 0):
-            solution = solve(problem, exchanges=exchanges)
+            solution = solve(problem, SolverOptions(exchanges=exchanges))
             assert solution.is_solved
             assert np.allclose(solution.forces, solve_reference(problem).forces, atol=1e-4)
             assert abs(solution.optimality.gap) < 1e-4
@@ -97,19 +85,14 @@ class TestSamePolytope:
         """The guess of active rows, and OSQP's memory, decide how long it takes and not what is found."""
         rng = np.random.default_rng(5)
         problem = draw_problem(np.random.default_rng(6))
-        joints = 0 if problem.torque_maps is None else 3
-        solver = ForceSolver(
-            problem.settings.models, joints, length=RADIUS, friction_weight=problem.settings.friction_weight
-        )
+        solver = build_solver(problem)
         for _ in range(60):
             jump = replace(
                 problem,
                 wrench=rng.normal(scale=0.3, size=6) * [1, 1, 1, RADIUS, RADIUS, RADIUS],
                 target_normal=rng.uniform(0.0, 6.0, size=len(problem.target_normal)),
             )
-            warm = solver.solve(
-                jump.G, jump.wrench, jump.limits, jump.target_normal, jump.torque_maps, jump.torque_bias
-            )
+            warm = solver.solve(jump)
             fresh = solve(jump)
             assert warm.is_solved == fresh.is_solved
             if warm.is_solved:

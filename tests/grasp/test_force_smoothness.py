@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reference_forces import RADIUS
+from reference_forces import RADIUS, ask
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.grasp.force.solver import (
     ForceLimits,
     ForceProblem,
+    ForceSettings,
     ForceSolution,
     ForceSolver,
     compute_smoothness,
@@ -34,7 +35,7 @@ def grasp_map(turn: float = 0.0) -> np.ndarray:
 
 
 def build_solver(smoothness: float = S) -> ForceSolver:
-    return ForceSolver([SOFT] * 3, length=RADIUS, friction_weight=0.02, smoothness=smoothness)
+    return ForceSolver(ForceSettings((SOFT,) * 3, length=RADIUS, friction_weight=0.02, smoothness=smoothness))
 
 
 def distance(problem: ForceProblem, a: np.ndarray, b: np.ndarray) -> float:
@@ -61,11 +62,11 @@ def test_smoothness_from_a_time_constant() -> None:
 def test_step_in_the_target_is_followed_exponentially() -> None:
     """All components, friction too, leave s / (1 + s) of their way per tick; the wrench is exact in every one."""
     G = grasp_map()
-    before = build_solver(0.0).solve(G, WEIGHT, WIDE, np.full(3, 4.0)).forces
-    after = build_solver(0.0).solve(G, WEIGHT, WIDE, np.array([7.0, 6.0, 5.0])).forces
+    before = ask(build_solver(0.0), G, WEIGHT, WIDE, np.full(3, 4.0)).forces
+    after = ask(build_solver(0.0), G, WEIGHT, WIDE, np.array([7.0, 6.0, 5.0])).forces
     solver, forces = build_solver(), before
     for k in range(1, 60):
-        solution = solver.solve(G, WEIGHT, WIDE, np.array([7.0, 6.0, 5.0]), previous=forces)
+        solution = ask(solver, G, WEIGHT, WIDE, np.array([7.0, 6.0, 5.0]), previous=forces)
         forces = solution.forces
         share = np.exp(-k * TICK / TIME_CONSTANT)
         assert np.allclose(forces, after + share * (before - after), atol=1e-8)
@@ -75,9 +76,9 @@ def test_step_in_the_target_is_followed_exponentially() -> None:
 
 def test_step_in_the_wrench_is_followed_at_once_by_the_least_change() -> None:
     G, target = grasp_map(), np.full(3, 5.0)
-    rest = build_solver(0.0).solve(G, WEIGHT, WIDE, target)
+    rest = ask(build_solver(0.0), G, WEIGHT, WIDE, target)
     pushed = WEIGHT + np.array([0.2, -0.1, 0.1, 0.0, 0.001, 0.0])
-    now = build_solver().solve(G, pushed, WIDE, target, previous=rest.forces)
+    now = ask(build_solver(), G, pushed, WIDE, target, previous=rest.forces)
     assert np.abs(now.wrench_residual).max() < 1e-9
     # least change in the norm of the cost: G+ weighted
     problem = now.problem
@@ -91,7 +92,7 @@ def test_change_is_bounded_whatever_steps() -> None:
     """|f - P(previous)| <= |t - previous| / (1 + s): steps in wrench, target, contact load and grasp, cones ridden or not."""
     rng, solver, follower = np.random.default_rng(2), build_solver(), build_solver(AT_ONCE)
     wrench, target, load, turn = WEIGHT.copy(), np.full(3, 4.0), np.ones(3), 0.0
-    forces = build_solver(0.0).solve(grasp_map(), wrench, WIDE, target).forces
+    forces = ask(build_solver(0.0), grasp_map(), wrench, WIDE, target).forces
     tight = 0
     for k in range(400):
         if k % 10 == 0:
@@ -104,8 +105,8 @@ def test_change_is_bounded_whatever_steps() -> None:
             turn = rng.uniform(-5.0, 5.0)
         limits = ForceLimits(0.2 * load, 8.0 * load)
         arguments = (grasp_map(turn), wrench, limits, load * target)
-        solution = solver.solve(*arguments, previous=forces)
-        needed = follower.solve(*arguments, previous=forces)
+        solution = ask(solver, *arguments, previous=forces)
+        needed = ask(follower, *arguments, previous=forces)
         assert solution.is_solved
         assert needed.is_solved
         assert np.abs(solution.wrench_residual).max() < 1e-8
@@ -123,7 +124,7 @@ def test_change_is_bounded_whatever_steps() -> None:
 def test_a_contact_whose_load_steps_to_nothing_lets_go_at_once() -> None:
     """Limits are constraints: they do not wait, and the others take over in the same tick."""
     G, target = grasp_map(), np.full(3, 4.0)
-    previous = build_solver(0.0).solve(G, WEIGHT, WIDE, target).forces
+    previous = ask(build_solver(0.0), G, WEIGHT, WIDE, target).forces
     gone = ForceLimits(np.array([0.5, 0.5, 0.0]), np.array([30.0, 30.0, 0.0]))
     pair = grasp_map()
     pair[:, :8] = compute_grasp_map(
@@ -134,7 +135,7 @@ def test_a_contact_whose_load_steps_to_nothing_lets_go_at_once() -> None:
             )
         )
     )
-    solution = build_solver().solve(pair, WEIGHT, gone, np.array([4.0, 4.0, 0.0]), previous=previous)
+    solution = ask(build_solver(), pair, WEIGHT, gone, np.array([4.0, 4.0, 0.0]), previous=previous)
     assert solution.is_solved
     assert np.abs(solution.forces[2]).max() < 1e-8
     assert np.abs(solution.wrench_residual).max() < 1e-8
@@ -142,6 +143,6 @@ def test_a_contact_whose_load_steps_to_nothing_lets_go_at_once() -> None:
 
 def test_without_previous_forces_nothing_is_smoothed() -> None:
     def solve(smoothness: float) -> ForceSolution:
-        return build_solver(smoothness).solve(grasp_map(), WEIGHT, WIDE, np.full(3, 4.0))
+        return ask(build_solver(smoothness), grasp_map(), WEIGHT, WIDE, np.full(3, 4.0))
 
     assert np.allclose(solve(S).forces, solve(0.0).forces, atol=1e-10)

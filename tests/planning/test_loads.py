@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dexplan.grasp.force.solver import ForceLimits, ForceSolver
+from dexplan.grasp.force.solver import ForceLimits, ForceProblem, ForceSettings, ForceSolver
 from dexplan.grasp.grasp import map_contact
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import (
@@ -68,13 +68,14 @@ def test_verdicts_agree_with_the_force_program(hand: HandModel) -> None:
     first, second = draw_pairs(250, 0.8)
     limits, wrench = hand.limits, compute_object_wrench(hand, AXIS)
     loads = compute_pair_loads(hand, first, second, wrench)
-    solver = ForceSolver([hand.friction.scaled(limits.cone_share)] * 2, 0, length=0.035)
+    solver = ForceSolver(ForceSettings((hand.friction.scaled(limits.cone_share),) * 2, length=0.035))
     bounds = ForceLimits(np.full(2, limits.normal_floor), np.full(2, limits.normal_ceiling))
     outcomes = set()
     for a, b, used in zip(first, second, loads.utilisation, strict=True):
         arms = [hand.object.surface.radial(n) for n in (a, b)]
         G = np.hstack([map_contact(np.zeros((6, 6)), arm, np.zeros(3))[0] for arm in arms])
-        solved = solver.solve(G, wrench, bounds, np.full(2, hand.normal_force), explain=False).is_solved
+        problem = ForceProblem(solver.settings, G, wrench, bounds, np.full(2, hand.normal_force))
+        solved = solver.solve(problem, explain=False).is_solved
         if used <= sure_share(hand):
             assert solved
         elif used > 1.02 * limits.cone_share:

@@ -49,7 +49,14 @@ class ForceLimits:
 
 @dataclass(frozen=True)
 class ForceSettings:
-    """What stays the same while a contact mode lasts: see :class:`dexplan.grasp.force.solver.ForceSolver`."""
+    """What stays the same while a contact mode lasts.
+
+    ``models`` of the contacts, in the order of the columns of G.  Torque of the wrench is divided by ``length`` [m], the size of
+    the object, to read as force, and torque of a joint by ``reach`` [m], its typical lever arm.  ``normal_weight`` and
+    ``friction_weight`` are w_n and w_t [-]; ``smoothness`` is s [-], the weight of the change since the tick before (see
+    :func:`dexplan.grasp.force.solver.compute_smoothness`).  ``wrench_tolerance`` [N] is half the width of the band around the
+    wrench (torque: times ``length``), or 0.  Raises ValueError for no models, weights that are not positive and negative numbers.
+    """
 
     models: tuple[ContactModel, ...]
     length: float = 0.035
@@ -73,10 +80,13 @@ class ForceSettings:
 
 @dataclass(frozen=True, eq=False)
 class ForceProblem:
-    """One question to the fingers: which contact forces?  The arguments of ``ForceSolver.solve`` with its settings.
+    """One question to the fingers: which contact forces?
 
-    ``G`` (6, sum m), ``wrench`` (6,) [N, N m], ``limits``, ``target_normal`` (F,) [N], ``torque_maps`` (F, J, m), ``torque_bias``
-    (F, J) [N m] and ``previous`` (F, 4) [N, N m]; the last three may be None.
+    ``G`` (6, sum m) is the grasp map; ``wrench`` (6,) = (f, tau) [N, N m] what the fingers are to exert on the object, about the
+    origin of G; ``limits`` those of normal forces and joint torques; ``target_normal`` (F,) [N] the normal forces to aim at.
+    ``torque_maps`` (F, J, m) is joint torque per contact force, m the largest dimension of the models, and ``torque_bias`` (F, J)
+    [N m] joint torque without contact forces; None: no joints, no such torque.  ``previous`` (F, 4) [N, N m] are the forces of
+    the tick before, for ``smoothness``; None where there is no such tick.
     """
 
     settings: ForceSettings

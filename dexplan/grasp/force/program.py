@@ -7,7 +7,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from dexplan.contact.friction import NORMAL
-from dexplan.grasp.force.problem import ForceProblem, ForceSettings
+from dexplan.grasp.force.problem import ForceLimits, ForceProblem, ForceSettings
 from dexplan.spatial import Array
 
 INFINITY = 1e30
@@ -80,7 +80,8 @@ class ForceRows:
         self.groups = {n: slice(*edges[i : i + 2]) for i, n in enumerate(GROUPS) if edges[i] < edges[i + 1]}
 
         # The entries of G and of the torque maps change, the others never do.
-        self._G_scale = self.force_of_x / np.repeat([1.0, settings.length], 3)[:, None]
+        self._lengths = np.repeat([1.0, settings.length], 3)
+        self._G_scale = self.force_of_x / self._lengths[:, None]
         rows_of, columns_of = np.nonzero(self.pattern[first_torque:])
         finger = rows_of // joints if joints else rows_of
         # places in the flattened matrix, and where their values stand in the flattened maps
@@ -92,7 +93,12 @@ class ForceRows:
         self.aim = np.zeros(size)
         self.lower, self.upper = np.full(total, -INFINITY), np.zeros(total)
         self.upper[first_torque:] = INFINITY
+        self._torque_lower, self._torque_upper = (
+            bounds[first_torque:].reshape(count, joints) for bounds in (self.lower, self.upper)
+        )
+        self._aimed = slice(NORMAL, None, dims[0]) if len(set(dims)) == 1 else self.normal
         self.is_new = True  # whether the last `write` changed the matrix
+        self._limits: ForceLimits | None = None
         self._G: Array | None = None
         self._torque_maps: Array | None = None
 
@@ -104,31 +110,38 @@ class ForceRows:
         self.is_new = not (problem.G is self._G and (problem.torque_maps is self._torque_maps or not joints))
         if self.is_new:
             self._write_matrix(problem)
-        wrench, band = problem.wrench, settings.wrench_tolerance
-        lower[:3], lower[3:6] = wrench[:3], wrench[3:] / settings.length
-        upper[:6] = lower[:6] + band
-        lower[:6] -= band
-        normal = self.groups["normal force"]
-        lower[normal] = limits.normal_floor
-        upper[normal] = limits.normal_ceiling
+        band = settings.wrench_tolerance
+        np.divide(problem.wrench, self._lengths, out=lower[:6])
+        upper[:6] = lower[:6]
+        if band:
+            upper[:6] += band
+            lower[:6] -= band
+        if limits is not self._limits:
+            normal = self.groups["normal force"]
+            lower[normal], upper[normal] = limits.normal_floor, limits.normal_ceiling
+            self._limits = limits
         if joints:
-            torque, bias = self.groups["joint torque"], problem.torque_bias
-            for bounds, limit, none in (
-                (lower, limits.torque_lower, -INFINITY),
-                (upper, limits.torque_upper, INFINITY),
-            ):
-                if limit is None:
-                    bounds[torque] = none
-                else:
-                    room = limit if bias is None else limit - bias
-                    bounds[torque] = room.ravel() / settings.reach
-        self.aim[:] = 0.0
-        self.aim[self.normal] = problem.target_normal
+            self._write_torques(problem)
+        aim = self.aim
+        aim[:] = 0.0
+        aim[self._aimed] = problem.target_normal
         if problem.previous is not None:
             s = settings.smoothness
-            self.aim += s * problem.previous.ravel()[self.padded] / self.scale
-            self.aim /= 1.0 + s
-        self.aim *= self.root
+            aim += s * problem.previous.ravel()[self.padded] / self.scale
+            aim /= 1.0 + s
+        aim *= self.root
+
+    def _write_torques(self, problem: ForceProblem) -> None:
+        limits, bias = problem.limits, problem.torque_bias
+        for bounds, limit, none in (
+            (self._torque_lower, limits.torque_lower, -INFINITY),
+            (self._torque_upper, limits.torque_upper, INFINITY),
+        ):
+            if limit is None:
+                bounds[:] = none
+            else:
+                np.subtract(limit, 0.0 if bias is None else bias, out=bounds)
+                bounds /= self.settings.reach
 
     def _write_matrix(self, problem: ForceProblem) -> None:
         np.multiply(problem.G, self._G_scale, out=self.D[:6])

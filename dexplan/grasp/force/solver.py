@@ -25,13 +25,11 @@ inequality is active P is affine, and each tick leaves s / (1 + s) of the way to
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from dexplan.contact.friction import ContactModel
 from dexplan.grasp.force.active_set import ActiveSetAnswer, DualActiveSet
 from dexplan.grasp.force.diagnosis import Loosening, diagnose, explain
 from dexplan.grasp.force.problem import ForceLimits, ForceProblem, ForceSettings
@@ -41,7 +39,15 @@ from dexplan.grasp.force.solution import ForceSolution
 from dexplan.grasp.force.splitting import Splitting
 from dexplan.spatial import Array
 
-__all__ = ["ForceLimits", "ForceProblem", "ForceSolution", "ForceSolver", "compute_smoothness"]
+__all__ = [
+    "ForceLimits",
+    "ForceProblem",
+    "ForceSettings",
+    "ForceSolution",
+    "ForceSolver",
+    "SolverOptions",
+    "compute_smoothness",
+]
 
 GENTLE_FRICTION = 0.02
 """Friction weight for planning and control.  Between contacts that are not opposite, less tangential force also means less
@@ -73,6 +79,17 @@ class _Iterated(NamedTuple):
     iterations: int
 
 
+@dataclass(frozen=True)
+class SolverOptions:
+    """How hard the methods try: OSQP's absolute and relative ``tolerance`` [N]; after ``max_iterations`` of OSQP an exact method
+    takes over, and after ``exchanges`` of active rows by DAQP, OSQP; 0 leaves all to OSQP.
+    """
+
+    tolerance: float = 1e-6
+    max_iterations: int = 400
+    exchanges: int = EXCHANGES
+
+
 @final
 class ForceSolver:
     """The quadratic program of one contact mode (which fingers touch, and how): fixed sparsity, warm started.
@@ -82,47 +99,24 @@ class ForceSolver:
     OSQP stops short.
 
     Args:
-        models: contact models in the order of the columns of G.
+        settings: what stays the same while the mode lasts.
         joints_per_finger: number J of joints with torque limits per finger; 0 for none.
-        length: size of the object [m], by which torque of the wrench is divided to read as force.
-        reach: typical lever arm of a joint [m], the same for joint torques.
-        normal_weight, friction_weight: w_n, w_t [-].
-        smoothness: s [-], weight of the change since ``previous``; see the module and :func:`compute_smoothness`.
-        wrench_tolerance: half width [N] of the band around the wrench (torque: times ``length``), or 0.
-        tolerance: OSQP's absolute and relative tolerance [N].
-        max_iterations: when an exact method takes over from OSQP.
-        exchanges: of active rows by DAQP until OSQP takes over; 0 leaves all to OSQP.
+        options: how hard the methods try.
     """
 
     def __init__(
-        self,
-        models: Sequence[ContactModel],
-        joints_per_finger: int = 0,
-        *,
-        length: float = 0.035,
-        reach: float = 0.1,
-        normal_weight: float = 1.0,
-        friction_weight: float = 0.1,
-        smoothness: float = 0.0,
-        wrench_tolerance: float = 0.0,
-        tolerance: float = 1e-6,
-        max_iterations: int = 400,
-        exchanges: int = EXCHANGES,
+        self, settings: ForceSettings, joints_per_finger: int = 0, options: SolverOptions | None = None
     ) -> None:
-        self.settings = ForceSettings(
-            tuple(models), length, reach, normal_weight, friction_weight, smoothness, wrench_tolerance
-        )
-        self.models = self.settings.models
-        self._joints, self._tolerance = joints_per_finger, tolerance
-        self._rows = ForceRows(self.settings, joints_per_finger)
+        self.settings, self.models = settings, settings.models
+        self._joints, self._options = joints_per_finger, options or SolverOptions()
+        self._rows = ForceRows(settings, joints_per_finger)
         self._size = len(self._rows.p)
-        self._max_iterations, self._exchanges = max_iterations, exchanges
         self._empty = self._rows.as_program()
         self.forget()
 
     def forget(self) -> None:
         """Be as new: what was solved before leaves nothing to start from."""
-        self._active_set = DualActiveSet(self._exchanges) if self._exchanges else None
+        self._active_set = DualActiveSet(self._options.exchanges) if self._options.exchanges else None
         self._made_splitting: Splitting | None = None
         self._last: ActiveSetAnswer | None = None  # an optimum that OSQP has not seen
 
@@ -131,47 +125,17 @@ class ForceSolver:
         """OSQP, set up when it is first needed: where DAQP finds everything it never is."""
         if self._made_splitting is None:
             self._made_splitting = Splitting(
-                self._empty, self._rows.pattern, self._tolerance, self._max_iterations
+                self._empty, self._rows.pattern, self._options.tolerance, self._options.max_iterations
             )
         return self._made_splitting
 
-    def solve(
-        self,
-        G: Array,
-        wrench: ArrayLike,
-        limits: ForceLimits,
-        target_normal: ArrayLike,
-        torque_maps: Array | None = None,
-        torque_bias: Array | None = None,
-        previous: Array | None = None,
-        explain: bool = True,
-    ) -> ForceSolution:
+    def solve(self, problem: ForceProblem, *, explain: bool = True) -> ForceSolution:
         """Return the contact forces; an infeasible problem is a status, never an exception.
 
-        Args:
-            G: grasp map (6, sum m).
-            wrench: (f, tau) (6,) [N, N m] for the fingers to exert on the object, about the origin of G.
-            limits: of normal forces and joint torques.
-            target_normal: (F,) [N] normal forces to aim at.
-            torque_maps: (F, J, m) joint torque per contact force; m is the largest dimension of the models.
-            torque_bias: (F, J) [N m] joint torques at zero contact force; zero by default.
-            previous: (F, 4) forces of the tick before, for ``smoothness``; None where there is no such tick.
-            explain: whether to find out what would help where there are no forces, which takes longer than the rest.
-
-        Raises:
-            ValueError: shapes that do not fit this mode, or numbers that are not finite.
+        ``explain``: whether to find out what would help where there are no forces, which takes longer than the rest.  Raises
+        ValueError for settings or shapes that do not fit this mode, and for numbers that are not finite.
         """
-        problem = ForceProblem(
-            self.settings,
-            G,
-            np.asarray(wrench, dtype=np.float64),
-            limits,
-            np.asarray(target_normal, dtype=np.float64),
-            torque_maps if self._joints else None,
-            torque_bias if self._joints else None,
-            previous if self.settings.smoothness else None,
-        )
-        self._check_shapes(problem)
+        self._check_fit(problem)
         rows = self._rows
         rows.write(problem)
         if self._active_set is not None:
@@ -181,7 +145,9 @@ class ForceSolver:
                 return self._as_solution(answer.x, "solved", problem, (), "DAQP", answer.iterations)
         return self._solve_slowly(problem, explain)
 
-    def _check_shapes(self, problem: ForceProblem) -> None:
+    def _check_fit(self, problem: ForceProblem) -> None:
+        if problem.settings is not self.settings and problem.settings != self.settings:
+            raise ValueError(f"the problem has {problem.settings}; {self.settings} is accepted")
         G, wrench, limits = problem.G, problem.wrench, problem.limits
         count = len(self.models)
         if G.shape != (6, self._size) or wrench.shape != (6,) or limits.normal_floor.shape != (count,):
@@ -189,11 +155,10 @@ class ForceSolver:
                 f"G {G.shape}, wrench {wrench.shape}, limits {limits.normal_floor.shape}; "
                 f"(6, {self._size}), (6,), ({count},) are accepted"
             )
-        if self._joints:
-            maps, shape = problem.torque_maps, (count, self._joints, self._rows.map_width)
-            if maps is None or maps.shape != shape:
-                given = None if maps is None else maps.shape
-                raise ValueError(f"torque maps {given}; {shape} is accepted")
+        shape = (count, self._joints, self._rows.map_width) if self._joints else None
+        given = None if problem.torque_maps is None else problem.torque_maps.shape
+        if given != shape:
+            raise ValueError(f"torque maps {given}; {shape} is accepted")
 
     def _as_solution(
         self,
@@ -204,10 +169,13 @@ class ForceSolver:
         method: str,
         iterations: int,
     ) -> ForceSolution:
-        forces = np.zeros((len(self.models), 4))
-        forces.ravel()[self._rows.padded] = x * self._rows.force_of_x
+        forces = x * self._rows.force_of_x
+        if len(forces) < 4 * len(self.models):
+            padded = np.zeros(4 * len(self.models))
+            padded[self._rows.padded] = forces
+            forces = padded
         forces.setflags(write=False)
-        return ForceSolution(forces, status, problem, cures, method, iterations)
+        return ForceSolution(forces.reshape(-1, 4), status, problem, cures, method, iterations)
 
     def _solve_slowly(self, problem: ForceProblem, is_explained: bool) -> ForceSolution:
         """Run OSQP, then an exact method; failing both, say why there are no forces if that is asked for."""
@@ -252,7 +220,7 @@ class ForceSolver:
             return _Iterated(text, y, method, answer.iterations)
         residual = problem.G @ (y * rows.scale) - problem.wrench
         residual[3:] /= settings.length
-        allowed = settings.wrench_tolerance + 10.0 * self._tolerance * (1.0 + np.abs(y).max())
+        allowed = settings.wrench_tolerance + 10.0 * self._options.tolerance * (1.0 + np.abs(y).max())
         if not np.abs(residual).max() <= allowed:
             text = f"unsolved: the wrench is missed by {np.abs(residual).max():.1e} N"
             return _Iterated(text, y, method, answer.iterations)

@@ -10,7 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.grasp.force.solver import GENTLE_FRICTION, ForceLimits, ForceSolver
+from dexplan.grasp.force.solver import (
+    GENTLE_FRICTION,
+    ForceLimits,
+    ForceProblem,
+    ForceSettings,
+    ForceSolver,
+)
 from dexplan.grasp.grasp import map_contact
 from dexplan.grasp.wrench import compute_wrench
 from dexplan.kinematics.chain import (
@@ -195,9 +201,8 @@ class Admissibility:
         if solver is None:
             friction = hand.friction.scaled(limits.cone_share)
             length = float(np.linalg.norm(hand.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
-            solver = self._solvers[n] = ForceSolver(
-                [friction] * n, joints, length=length, friction_weight=GENTLE_FRICTION
-            )
+            settings = ForceSettings((friction,) * n, length, friction_weight=GENTLE_FRICTION)
+            solver = self._solvers[n] = ForceSolver(settings, joints)
         R_WO, p_WO = X_WO[:3, :3], X_WO[:3, 3]
         G, maps = np.zeros((6, 4 * n)), np.zeros((n, joints, 4))
         for k, i in enumerate(holding):
@@ -212,7 +217,8 @@ class Admissibility:
         bounds = ForceLimits(
             np.full(n, limits.normal_floor), np.full(n, limits.normal_ceiling), -reach, reach
         )
-        solution = solver.solve(G, wrench, bounds, np.full(n, hand.normal_force), maps, bias, explain=explain)
+        problem = ForceProblem(solver.settings, G, wrench, bounds, np.full(n, hand.normal_force), maps, bias)
+        solution = solver.solve(problem, explain=explain)
         if not solution.is_solved:
             return _Load(-np.inf, np.inf, ", ".join(solution.faults) or solution.status)
         used = max(float(hand.friction.utilisation(f)) for f in solution.forces)
