@@ -32,7 +32,7 @@ GROUND = "errors spatial brief icosphere moved"
 MATH = "numpy scipy"
 ALL = (
     f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz witness problems cli commands "
-    "pipeline run_folder terminal usage __init__"
+    "arguments builders pipeline run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plans scene"
 ROOMS = {
@@ -86,8 +86,10 @@ ROOMS = {
     "terminal": _see(GROUND),
     "usage": _see(GROUND, "tyro"),
     "cli": _see(ALL, "tyro"),
+    "arguments": _see(ALL, "tyro"),
     "commands": _see(ALL, "tqdm platformdirs"),
-    "pipeline": _see(ALL, f"{MATH} mujoco tqdm platformdirs"),
+    "pipeline": _see(ALL, MATH),
+    "builders": _see(f"{KNOWN} planning control problems", MATH),
     "__init__": _see(ALL),
     "__main__": _see("cli"),
 }

@@ -14,17 +14,13 @@ from rooms import ROOMS, WITH_FLOORS
 PACKAGE = Path(__file__).resolve().parents[1] / "dexplan"
 LINE_LIMIT, CLASS_LIMIT = 350, 200
 LONG_FILES = {
-    "commands.py",
-    "pipeline.py",
     "planning/gait/contacts.py",
     "planning/gait/search.py",
-    "planning/regions/contactable.py",
     "planning/tasks/object_manipulation.py",
     "planning/tasks/stages.py",
-    "witness/endurance.py",
 }
 """Files beyond the limit, none longer than 400 lines.  This list only shrinks."""
-LONG_CLASSES = {"GaitSearch", "ContactTable", "Stages", "_Planning", "PairSurvey", "Reader"}
+LONG_CLASSES = {"GaitSearch", "ContactTable", "Stages", "_Planning", "PairSurvey"}
 """Classes beyond the limit.  This list only shrinks."""
 BANNED_NAMES = {"utils", "util", "common", "helpers", "helper", "manager", "managers", "misc"}
 STEPPING_FILES = {

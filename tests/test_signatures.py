@@ -24,28 +24,20 @@ ROOMS = (
 )
 MOST_ARGUMENTS, LONGEST_TUPLE = 7, 2
 TOO_MANY: dict[str, set[str]] = {
-    "contact/rolling/roll_to.py": {"_find_outsets", "roll_to"},
     "grasp/force/solver.py": {"__init__", "solve"},
     "planning/tasks/dextrous_manipulation.py": {"plan_dextrous_manipulation"},
     "planning/tasks/grasp_adjustment.py": {"plan_grasp_adjustment"},
     "planning/tasks/stages.py": {"_adjust", "run"},
-    "sim/judge/checks_case.py": {"judge_worst"},
 }
 """File -> functions with more arguments.  This list only shrinks."""
 BARE: dict[str, set[str]] = {
     "control/controller.py": {"_advance"},
     "control/reference.py": {"sample"},
     "control/tasks.py": {"compute_qp_residual"},
-    "planning/admissible/admissibility.py": {"_compute_load"},
     "planning/gait/orbits.py": {"_measure_runs", "_measure_windows", "_solve"},
     "planning/gait/states.py": {"where"},
-    "planning/regions/contactable.py": {"_solve_closed"},
-    "planning/regions/regions.py": {"_as_tuple"},
-    "planning/regions/theorems.py": {"_find_widest"},
     "planning/regrasp/layers.py": {"carry"},
     "planning/regrasp/stand_search.py": {"_place"},
-    "planning/rolling/roll_gait.py": {"_roll_pair"},
-    "sim/judge/checks_rolling.py": {"_compare_roll", "_find_outsets"},
 }
 """File -> functions that return a bare tuple of more values.  This list only shrinks."""
 

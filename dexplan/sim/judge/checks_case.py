@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dexplan.brief import brief_repr
 from dexplan.sim.judge.replay import Replay
 from dexplan.sim.judge.world import Flags, Indices
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 Status = Literal["pass", "fail", "not_applicable"]
 UNKNOWN, MUST_NOT, MAY, MUST = -1, 0, 1, 2
@@ -215,21 +215,26 @@ def judge(
     return CheckResult(name, "pass" if is_good else "fail", float(value), float(limit), unit, moment, note)
 
 
+@dataclass(frozen=True, eq=False)
+class Series:
+    """What is judged: ``values`` (N,) or (N, K) at ``times`` (N,) [s]; ``labels`` (K,) name the columns."""
+
+    values: Array
+    times: Array
+    labels: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
+
 def judge_worst(
-    name: str,
-    values: Array,
-    times: Array,
-    limit: float,
-    unit: str,
-    note: str = "",
-    *,
-    at_least: bool = False,
-    labels: tuple[str, ...] = (),
+    name: str, series: Series, limit: float, unit: str, note: str = "", *, at_least: bool = False
 ) -> CheckResult:
-    """Judge the worst of ``values`` (N,) or (N, K) at ``times`` (N,); ``labels`` (K,) name the columns.
+    """Judge the worst value of ``series``.
 
     A NaN is the worst of all; nothing to judge is a failure.
     """
+    values, times, labels = series.values, series.times, series.labels
     if values.size == 0:
         return fail(name, unit, note or "there is nothing to measure", limit)
     order = np.where(np.isnan(values), np.inf, -values if at_least else values)
