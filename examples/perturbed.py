@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 import dexplan as dx
 from dexplan.pipeline import build_scene
 

@@ -12,7 +12,7 @@ measured = trace["contact_force"][:, finger, 2]  # (f_t1, f_t2, f_n, tau_n): on 
 planned = trace["contact_force_reference"][:, finger, 2]
 
 print(f"touches from {time[touches][0]:.2f} s on")
-print(f"presses with {np.nanmean(measured[time > 6.0]):.2f} N in the end, {np.nanmax(measured):.2f} N at most")
+print(f"presses with {measured[-1]:.2f} N in the end, {np.nanmax(measured):.2f} N at most")
 
 figure = Figure(figsize=(8.0, 3.2), layout="constrained")
 axes = figure.subplots()

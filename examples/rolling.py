@@ -15,7 +15,7 @@ X_OF[:3, :3] = np.diag([1.0, -1.0, -1.0])
 X_OF[2, 3] = ball.radius + tip.radius
 
 
-def at(angle_deg):
+def at(angle_deg: float) -> np.ndarray:
     """Return the direction from the ball's centre that is so far from the top."""
     return np.array([np.sin(np.radians(angle_deg)), 0.0, np.cos(np.radians(angle_deg))])
 
@@ -23,8 +23,9 @@ def at(angle_deg):
 for angle in (20.0, 60.0):
     found = roll_to(X_OF, at(angle), tip, ball, limits)
     path = found.paths[-1]
-    off = np.degrees(path.polar_angle.max())
-    print(f"{angle:.0f} degrees: {found.kind}, {1e3 * found.total_length:.1f} mm, up to {off:.1f} degrees off the tip's pole")
+    rolled, off = 1e3 * found.total_length, np.degrees(path.polar_angle.max())
+    print(f"{angle:.0f} degrees: {found.kind}, {rolled:.1f} mm, up to {off:.1f} degrees off the tip's pole")
 
 triangle = build_longitude_equator(0.012, 0.040, np.radians(60.0))  # the paper's manoeuvre A-B-C-D
-print(f"A-B-C-D rolls {1e3 * triangle.total_length:.1f} mm and gets {1e3 * triangle.displacement_length:.2f} mm ahead on the ball")
+rolled, ahead = 1e3 * triangle.total_length, 1e3 * triangle.displacement_length
+print(f"A-B-C-D rolls {rolled:.1f} mm and gets {ahead:.2f} mm ahead on the ball")

@@ -9,10 +9,11 @@ from dexplan.grasp.force.solver import ForceSolver
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 
 RADIUS, WEIGHT = 0.035, 0.060 * 9.81  # m, N
-friction = SoftFinger(0.55, 0.0025)  # mu [-], and mu_t [m]: the torque about the normal that a newton of pressure bears
+# mu [-], and mu_t [m]: the torque about the normal that each newton of pressure lets a soft fingertip bear
+friction = SoftFinger(0.55, 0.0025)
 
 
-def hold(apart_deg):
+def hold(apart_deg: float) -> Grasp:
     """Return a grasp of two fingers on the ball's equator, so far apart."""
     azimuths = np.radians([0.0, apart_deg])
     directions = np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros(2)], axis=1)
@@ -24,7 +25,7 @@ lift = np.array([0.0, 0.0, WEIGHT, 0.0, 0.0, 0.0])
 for apart in (120.0, 130.0, 140.0, 180.0):
     closed = check_force_closure(hold(apart))
     loaded = compute_load_margin(hold(apart), lift, 5.5)
-    print(f"{apart:.0f} degrees: force closed {closed.is_closed}, margin {loaded.margin:+.3f} under its weight")
+    print(f"{apart:.0f} degrees: force closed {closed.is_closed}, load margin {loaded.margin:+.3f}")
 
 grasp = hold(140.0)
 limits = ForceLimits(np.full(2, 4.0), np.full(2, 12.0))  # least and greatest normal forces [N]

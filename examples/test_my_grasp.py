@@ -4,7 +4,8 @@
 import mujoco
 import numpy as np
 
-from dexplan.testing import judge_contacts, measure_contacts
+from dexplan.testing import Measurement, judge_contacts, measure_contacts
+from dexplan.testing.plugin import ContactBaseline
 
 MODEL = """
 <mujoco>
@@ -24,16 +25,18 @@ MODEL = """
 """
 
 
-def measure(squeeze_N):
+def measure(squeeze_N: float) -> Measurement:
     """Return what happens at the contacts in half a second."""
     model = mujoco.MjModel.from_xml_string(MODEL)
     ctrl = np.full((500, model.nu), squeeze_N)
     return measure_contacts(model, None, ctrl, tips=["left", "right"], object="cube", steps_per_sample=1)
 
 
-def test_pinch(contact_baseline):
+def test_pinch(contact_baseline: ContactBaseline) -> None:
+    """The contacts are as they were when the baseline was written."""
     contact_baseline.check("pinch", measure(3.0))
 
 
-def test_less_squeeze_slips():
+def test_less_squeeze_slips() -> None:
+    """A fifteenth of the squeeze does not hold the cube."""
     assert "stuck" not in {str(v.kind) for v in judge_contacts(measure(0.2)).verdicts}

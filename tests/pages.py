@@ -1,8 +1,9 @@
 """README and ``docs/``: which code blocks a page has, and how they are run; read by ``test_docs.py`` and ``scripts/docs``.
 
-A fenced block says its language.  ``python`` is run, all blocks of a page in one namespace; a ``text`` block right after it is what it
-prints.  ``console`` holds commands after ``$ `` and what they print; ``toml`` is a problem file, or tables of one.  A block whose first
-line names a file (``# turn.toml``, ``# test_pinch.py``) is saved under that name for the commands after it.  ``text`` alone is not run.
+A fenced block says its language.  ``python`` is run, all blocks of a page in one namespace; a ``text`` block right after it is
+what it prints.  ``console`` holds commands after ``$ `` and what they print; ``toml`` is a problem file, or tables of one.  A
+block whose first line names a file (``# turn.toml``, ``# test_pinch.py``) is saved under that name for the commands after it.
+``text`` alone is not run.
 
 What a block needs beyond that stands in a comment before it:
 
@@ -87,10 +88,12 @@ def read_blocks(page: Path) -> list[Block]:
                 blocks.append(Block(page, number + 1, language, text, says))
             says, is_beside = {}, True
         elif line == "<!-- setup":
-            blocks.append(Block(page, number + 1, "setup", "".join(f"{x}\n" for _, x in _until(lines, "-->"))))
+            blocks.append(
+                Block(page, number + 1, "setup", "".join(f"{x}\n" for _, x in _until(lines, "-->")))
+            )
         elif found := COMMENT.fullmatch(line):
             says = {**says, found[1]: found[2]}
-        elif line.strip():
+        elif line.strip() and line != "<!-- end -->":
             says, is_beside = {}, False
     return blocks
 
@@ -230,7 +233,8 @@ def check_toml(block: Block) -> None:
         text = block.text
     else:
         has_goal = re.search(r"^\[goal", block.text, re.MULTILINE)
-        text = "format = 1\n" + block.text + ("" if has_goal else "\n[goal]\ntranslation_m = [0.0, 0.0, 0.0]\n")
+        goal = "" if has_goal else "\n[goal]\ntranslation_m = [0.0, 0.0, 0.0]\n"
+        text = f"format = 1\n{block.text}{goal}"
     path = Path(block.file or "shown.toml")
     path.write_text(text, encoding="utf-8")
     load_problem(str(path))

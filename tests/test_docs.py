@@ -10,7 +10,9 @@ from pages import EXAMPLES, LANGUAGES, PAGES, ROOT, RUN, Block, Reader, compare,
 from references import find_marks, rewrite
 
 BY_PAGE = {page: read_blocks(page) for page in PAGES}
-RUNNING = [page for page, blocks in BY_PAGE.items() if any(b.language in RUN and not b.is_slow for b in blocks)]
+RUNNING = [
+    page for page, blocks in BY_PAGE.items() if any(b.language in RUN and not b.is_slow for b in blocks)
+]
 README_LINES = 80
 SOURCES = (*(ROOT / "scripts").iterdir(), *(ROOT / "dexplan" / "viz").glob("*.py"), *EXAMPLES.glob("*.py"))
 COMMANDS = re.compile(r"^\s*(\$ |dexplan |scripts/|pip |python |pytest )", re.MULTILINE)
