@@ -45,6 +45,7 @@ ROOMS = {
     # storey 1
     "contact": _see(f"{GROUND}", MATH),
     "contact.surfaces": _see(f"{GROUND}", MATH),
+    "contact.bodies": _see(GROUND, MATH),
     "contact.kinematics": _see(f"{GROUND} contact contact.surfaces", MATH),
     "contact.rolling": _see(f"{GROUND} contact contact.surfaces contact.kinematics", MATH),
     "grasp": _see(f"{GROUND} contact", MATH),

@@ -12,6 +12,7 @@ import numpy as np
 
 from dexplan.grasp.force.solver import GENTLE_FRICTION, ForceLimits, ForceSolver
 from dexplan.grasp.grasp import map_contact
+from dexplan.grasp.wrench import compute_wrench
 from dexplan.kinematics.chain import (
     compute_dexterity,
     compute_joint_margin,
@@ -22,7 +23,7 @@ from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.scene.description import Nearness
-from dexplan.spatial import GRAVITY, Array, lock_arrays, read_only
+from dexplan.spatial import Array, lock_arrays, read_only
 
 
 @dataclass(frozen=True)
@@ -203,9 +204,8 @@ class Admissibility:
             p_WF = states[i].X_WF[:3, 3]
             arm_W = R_WO @ hand.object.surface.radial(R_WO.T @ (p_WF - p_WO))
             G[:, 4 * k : 4 * k + 4], maps[k] = map_contact(states[i].J, arm_W, p_WO + arm_W - p_WF)
-        wrench = np.array([0.0, 0.0, hand.object.mass * GRAVITY, 0.0, 0.0, 0.0])
-        if axis_W is not None:
-            wrench[3:] = R_WO @ hand.object.inertia @ R_WO.T @ (hand.acceleration * axis_W)
+        alpha = np.zeros(3) if axis_W is None else hand.acceleration * axis_W
+        wrench = compute_wrench(hand.object.mass_properties, R_WO, angular_acceleration=alpha)
         bias = hand.probe.compute_gravity_torque(q)[list(holding)]
         torque_limit = np.stack([hand.fingers[i].torque_limit for i in holding])
         reach = limits.torque_share * torque_limit
