@@ -9,6 +9,7 @@ What a block needs beyond that stands in a comment before it:
 
 ``<!-- slow: why -->``           ``scripts/docs --slow`` runs it, in a copy of the repository, instead of the tests
 ``<!-- needs: a.toml b.xml -->`` these files of ``examples/`` have to be there
+``<!-- in: runs/turn -->``       it runs in this folder
 ``<!-- exit: 1 -->``             the block's last command ends with this code; ``any``: it depends on the machine
 ``<!-- setup`` lines ``-->``     Python that is run and not shown
 """
@@ -41,7 +42,7 @@ RUN = ("python", "console", "toml", "setup")
 LANGUAGES = (*RUN, "text", "json", "xml")
 LOOSE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 """``...`` stands for anything, line breaks included, and runs of white space are equal."""
-COMMENT = re.compile(r"<!-- (slow|needs|exit): (.*?) -->")
+COMMENT = re.compile(r"<!-- (slow|needs|exit|in): (.*?) -->")
 FILE = re.compile(r"# ([\w-]+\.(?:toml|py))")
 
 
@@ -123,7 +124,7 @@ class Reader:
             shutil.copy(EXAMPLES / name, self.folder)
         if block.file:
             (self.folder / block.file).write_text(block.text, encoding="utf-8")
-        with contextlib.chdir(self.folder):
+        with contextlib.chdir(self.folder / block.says.get("in", "")):
             if block.language == "toml":
                 check_toml(block)
             elif block.language == "console":
