@@ -16,6 +16,7 @@ from dexplan.planning.admissible.limits import AdmissibleLimits
 from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.planning.gait.cost import CostWeights, Improvement
 from dexplan.plans.forces import NormalForces
+from dexplan.plans.margins import MarginLimits
 from dexplan.plans.timing import Timing
 from dexplan.problems.problem import Problem
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
@@ -91,6 +92,18 @@ def build_limits(problem: Problem, squeeze: Squeeze) -> AdmissibleLimits:
         clearance=1e-3 * margins.clearance_mm,
         normal_floor=squeeze.floor,
         normal_ceiling=squeeze.ceiling,
+    )
+
+
+def build_margin_limits(problem: Problem) -> MarginLimits:
+    """Return what plans for ``problem`` have to leave to spare, in the units in which plans state it."""
+    margins = problem.margins
+    return MarginLimits(
+        margins.joint_deg,
+        AdmissibleLimits.dexterity,
+        margins.cone_share,
+        margins.torque_share,
+        margins.clearance_mm,
     )
 
 

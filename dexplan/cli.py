@@ -15,7 +15,8 @@ from collections.abc import Sequence
 
 import tyro
 
-from dexplan.arguments import COMMANDS, Command
+from dexplan.arguments import COMMANDS, Command, Speaking
+from dexplan.commands.voice import Voice, speaking
 from dexplan.errors import DexplanError
 from dexplan.terminal import (
     Terminated,
@@ -41,7 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
         return code
     except DexplanError as error:
-        return _complain(str(error), BAD_INPUT)
+        # A note says what was kept of a run that the error cut short.
+        return _complain("; ".join([str(error), *getattr(error, "__notes__", [])]), BAD_INPUT)
     except KeyboardInterrupt as error:
         told = [
             "terminated" if isinstance(error, Terminated) else "interrupted",
@@ -86,7 +88,21 @@ def _run(argv: list[str]) -> int:
         print(f"dexplan {__version__}")
         return 0
     command = _parse([*argv[1:], "--help"] if argv[:1] == ["help"] else argv)
-    return 0 if command is None else int(command.run())
+    if command is None:
+        return 0
+    with speaking(_choose_voice(command)):
+        return int(command.run())
+
+
+def _choose_voice(command: Command) -> Voice:
+    """Return how much ``command`` was asked to say."""
+    if not isinstance(command, Speaking):
+        return Voice.NORMAL
+    if command.verbose and command.quiet:
+        raise UsageError("--verbose and --quiet contradict each other; accepted: one of the two")
+    if command.verbose:
+        return Voice.VERBOSE
+    return Voice.QUIET if command.quiet else Voice.NORMAL
 
 
 def _parse(argv: list[str]) -> Command | None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +17,13 @@ from dexplan.builders import (  # noqa: F401 - callers find them all here
     build_hand,
     build_improvement,
     build_limits,
+    build_margin_limits,
     build_options,
     build_scene,
     build_squeeze,
     build_timing,
 )
+from dexplan.control.foreign import ForeignController
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import build_reference
 from dexplan.errors import DexplanError, RunFolderError
@@ -37,20 +41,27 @@ from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
-from dexplan.run_folder import save_problem, write_whole
+from dexplan.problems.true_world import check_world, read_recorded_world
+from dexplan.run_folder import RUN_FILES, check_replaceable, save_problem, write_whole
 from dexplan.scene.scene import Scene
+from dexplan.sim.judge.true_world import join_world
 from dexplan.sim.judge.validate import ValidationReport, validate_run
 from dexplan.sim.judge.world import read_world
 from dexplan.sim.record import rollout as _rollout
+from dexplan.sim.record.keyframes import name_states
 from dexplan.sim.trace import Trace, check_replayable
 from dexplan.spatial import Array, as_pose
 from dexplan.viz.timeline import build_captions
+
+_LOG = logging.getLogger(__name__)
 
 
 def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
-    return time_plan(problem, _find_plan(problem, scene, build_hand(problem, scene)))
+    hand = build_hand(problem, scene)
+    _LOG.info("looking for a plan")
+    return time_plan(problem, _find_plan(problem, scene, hand))
 
 
 def time_plan(problem: Problem, plan: Plan, timing: Timing | None = None) -> Plan:
@@ -110,18 +121,33 @@ def rollout(
     problem: Problem,
     plan: Plan,
     *,
-    seed: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    options: ControlOptions | None = None,
-    true_scene: Scene | None = None,
+    controller: ForeignController | None = None,
+    world: Problem | None = None,
     X_WO_start: Array | None = None,
+    options: ControlOptions | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Trace:
     """Run ``plan`` in MuJoCo, closed loop; a failure still returns the trace so far.
 
-    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
+    Args:
+        problem: what planner and controller believe.
+        plan: a plan with actions and durations; one that only holds the object will do.
+        controller: takes the place of dexplan's own: a function ``step(observation) -> ctrl``, or an object with that method and,
+            where it wants one, ``reset(start)``; see :mod:`dexplan.control.foreign`.
+        world: a problem with the true friction, mass and sizes, which nobody is told (None: those of ``problem``).
+        X_WO_start: (4, 4) the object's true pose at the start (None: its home).
+        options: replace those of dexplan's own controller (ablations); another one is asked at their rate.
+        progress: called with the share done.
 
-    ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
-    and controller believe (uncertainty).  Raises DexplanError for a plan without actions, or without durations.
+    Returns:
+        The run.  ``world`` and the name of a ``controller`` stand in its ``meta``.
+
+    Raises:
+        DexplanError: The plan has no actions, or no durations.
+        ControllerError: ``controller`` is none, raised something, or answered what is no control.
+        ProblemError: ``world`` differs from ``problem`` in more than the world's parameters.
+
+    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
     """
     if not plan.actions:
         raise DexplanError(
@@ -133,33 +159,53 @@ def rollout(
             "plan again: `dexplan plan` and `dexplan run` write format 2"
         )
     scene = build_scene(problem)
-    reference = build_reference(plan)
-    return _rollout.rollout(
+    true_scene = None if world is None else build_scene(world)
+    trace = _rollout.rollout(
         scene,
-        reference,
+        build_reference(plan),
         options or build_options(problem),
-        world=true_scene or scene,
-        X_WO_start=X_WO_start,
+        controller=controller,
+        truth=_rollout.Truth(true_scene, X_WO_start),
         meta={
             "problem": problem.name,
-            "seed": problem.seed if seed is None else seed,
+            "seed": problem.seed,
             "captions": build_captions(plan),
-            **as_run.describe_run(problem, plan.as_dict()),
+            **as_run.describe_run(problem, plan.as_dict(), world),
         },
         progress=progress,
     )
+    return name_states(trace, plan, true_scene or scene)
 
 
 def validate(
-    problem: Problem, plan: Plan, trace: Trace, *, groups: Iterable[str] | None = None
+    problem: Problem,
+    plan: Plan,
+    trace: Trace,
+    *,
+    world: Problem | None = None,
+    groups: Iterable[str] | None = None,
 ) -> ValidationReport:
     """Judge a run by replaying it; uses problem and plan as data only.
 
+    ``world`` is the problem with the true parameters that the run was made with, where those are not what ``problem`` believes.
     ``groups`` names the groups of checks to judge, of "physics", "task", "contacts", "forces", "internals" (None: all); the
-    verdict line tells which.  Raises RunFolderError for a trace that is none, UnknownNameError for no group.
+    verdict line tells which.  Of a run by another controller than dexplan's own the internals are "not recorded".
+
+    Raises RunFolderError for a trace that is none, UnknownNameError for no group, ProblemError for a ``world`` that differs in
+    more than the world's parameters, and for ``groups`` of which nothing is recorded.
     """
     check_replayable(trace, "the trace")
-    return validate_run(problem.as_dict(), plan.as_dict(), trace, groups=groups)
+    if world is not None:
+        check_world(problem, world)
+    true = None if world is None else world.as_dict()
+    return validate_run(problem.as_dict(), plan.as_dict(), trace, groups=groups, world=true)
+
+
+def validate_as_recorded(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
+    """Judge a saved run, with the true world that its record names; the report says in what that differs from ``problem``."""
+    check_replayable(trace, "the trace")
+    world = read_recorded_world(problem, trace.meta)
+    return validate_run(problem.as_dict(), plan.as_dict(), trace, world=world)
 
 
 def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
@@ -173,37 +219,58 @@ def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
     render_video(trace, plan, Path(path))
 
 
-def render_run(folder: str | Path) -> None:
-    """Film a saved run: writes ``video.mp4`` into its folder."""
+def render_run(folder: str | Path, *, progress: Callable[[float], None] | None = None) -> None:
+    """Film a saved run: writes ``video.mp4`` into its folder; ``progress`` is called with the share done."""
     from dexplan.viz.video import render_run as film
 
-    film(Path(folder))
+    film(Path(folder), progress=progress)
 
 
 def save_run(
-    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
-) -> None:
-    """Write the run folder: problem, plan, model, trace, report and the summary figure."""
+    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport | None = None
+) -> Path:
+    """Write the run folder: problem, plan, model, trace, and with a report this and the summary figure.  Returns the folder.
+
+    What an older run left there is replaced.  Raises RunFolderError, before anything is written, where a file in the way was made
+    by no run.
+    """
     folder = Path(folder)
+    for name in RUN_FILES:
+        check_replaceable(folder / name)
     folder.mkdir(parents=True, exist_ok=True)
     save_problem(problem, folder / "problem.toml")
     plan.save(folder / "plan.json")
     write_whole(folder / "model.xml", trace.model_xml)
     trace.save(folder / "trace.npz")
+    if report is None:
+        # A report and a figure of an older run would speak of this one.
+        for name in ("report.json", "summary.png"):
+            (folder / name).unlink(missing_ok=True)
+        return folder
     report.save(folder / "report.json")
     draw_run(folder, problem, plan, trace, report)
+    return folder
 
 
 def draw_run(
     folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
 ) -> None:
-    """Draw the summary figure of a run into its folder."""
+    """Draw the summary figure of a run into its folder, with the friction that was true."""
     from dexplan.viz.figure import draw_summary
 
-    draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
+    true = join_world(problem.as_dict(), read_recorded_world(problem, trace.meta))
+    draw_summary(true, plan, trace, report, Path(folder) / "summary.png")
 
 
-def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
+class SavedRun(NamedTuple):
+    """What a run folder holds; ``validate(*run)`` judges it again."""
+
+    problem: Problem
+    plan: Plan
+    trace: Trace
+
+
+def load_run(folder: str | Path) -> SavedRun:
     """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else.
 
     What the files say against each other goes with the trace, for the judge: a folder that cannot be read is refused, a
@@ -221,7 +288,7 @@ def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
     if model_xml != trace.model_xml:
         read_world(model_xml)
         found.append("model.xml and the model in trace.npz are not the same text")
-    return problem, plan, replace(trace, contradictions=tuple(found))
+    return SavedRun(problem, plan, replace(trace, contradictions=tuple(found)))
 
 
 def _read_model(path: Path) -> str:
@@ -237,13 +304,19 @@ def _read_model(path: Path) -> str:
     return text
 
 
-def inspect(problem: Problem, folder: str | Path) -> str:
-    """Draw what the hand can do in ``problem`` into ``folder`` and return the numbers as text."""
+def inspect(problem: Problem, folder: str | Path | None = None) -> str:
+    """Return what the hand can do in ``problem``, as text: what fingers reach, which pairs hold, how much they carry.
+
+    With a ``folder`` it is also drawn there, as ``inspect.png``.  Raises RunFolderError where such a picture is there that is not
+    ours.
+    """
     from dexplan.viz.maps import describe_reach, draw_reach
 
     scene = build_scene(problem)
     hand = build_hand(problem, scene)
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    draw_reach(hand, folder / "inspect.png")
+    if folder is not None:
+        picture = Path(folder) / "inspect.png"
+        check_replaceable(picture)
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        draw_reach(hand, picture)
     return describe_reach(hand)

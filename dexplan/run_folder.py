@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import tomllib
 import zipfile
 from collections.abc import Callable, Iterable
@@ -28,12 +29,15 @@ RUN_FILES = (*PLAN_FILES, "model.xml", "trace.npz", "report.json", "summary.png"
 """What ``dexplan run`` writes."""
 LATER_FILES = ("frames.png", "video.mp4", "crash.txt")
 """What is made of a run afterwards, or left by a crash; they go with the run that they belong to."""
+STILLS = "frames"
+"""Folder in a run folder with pictures of the run."""
 INSPECT_FILES = ("inspect.png",)
 
 SEAL = "# Written by dexplan, sha256 of what follows: "
 """First line of a problem file in a run folder: whoever edits the file breaks the seal and owns the file from then on."""
 MARK = "dexplan"
 """Stands in the metadata of pictures and films that are ours."""
+_STILL = re.compile(r"frame_\d{3}\.png")
 CRASH = "A defect of dexplan "
 """How a crash.txt begins."""
 
@@ -57,7 +61,8 @@ def choose_run_folder(
     names = (*RUN_FILES, "video.mp4") if with_video else RUN_FILES
     kept = _is_same(folder / "problem.toml", source) and _says_the_same(folder / "problem.toml", problem)
     _refuse_foreign(folder, [n for n in names if not (kept and n == "problem.toml")], source, is_asked)
-    ours = tuple(n for n in (*RUN_FILES, *LATER_FILES) if _is_ours_beside(folder, n, source))
+    stills = [f"{STILLS}/{path.name}" for path in list_stills(folder / STILLS)]
+    ours = tuple(n for n in (*RUN_FILES, *LATER_FILES, *stills) if _is_ours_beside(folder, n, source))
     return Target(folder, ours)
 
 
@@ -108,9 +113,14 @@ def find_run_files(folder: Path) -> tuple[str, ...]:
     return tuple(n for n in (*RUN_FILES, *LATER_FILES) if n not in PLAN_FILES and is_ours(folder / n))
 
 
+def list_stills(folder: Path) -> tuple[Path, ...]:
+    """Return the pictures of a run of ours in ``folder``, by number."""
+    return tuple(sorted(path for path in folder.glob("frame_*.png") if is_ours(path)))
+
+
 def is_ours(path: Path) -> bool:
     """Whether the file at ``path`` is one of a run of ours, judged by its content."""
-    test = _TESTS.get(path.name)
+    test = _is_picture if _STILL.fullmatch(path.name) else _TESTS.get(path.name)
     try:
         return test is not None and path.is_file() and test(path)
     except (OSError, ValueError, KeyError, RecursionError, zipfile.BadZipFile):

@@ -28,7 +28,7 @@ def _see(names: str, third_party: str = "") -> Room:
     return Room(frozenset(names.split()), frozenset(third_party.split()))
 
 
-GROUND = "errors spatial brief icosphere moved"
+GROUND = "errors spatial brief notebook icosphere moved"
 MATH = "numpy scipy"
 ALL = (
     f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz witness problems cli commands "
@@ -41,6 +41,7 @@ ROOMS = {
     "spatial": _see("errors", MATH),
     "moved": _see(""),
     "brief": _see("", MATH),
+    "notebook": _see(""),
     "icosphere": _see("brief spatial", MATH),
     # storey 1
     "contact": _see(f"{GROUND}", MATH),

@@ -140,7 +140,7 @@ def test_no_plan_is_an_honest_no(
     (old / "notes.txt").write_text("old")
     assert main(["run", "hold_two", "--out", "there"]) == 1
     out, err = capsys.readouterr()
-    assert out.splitlines()[-1] == "FAIL plan start_out_of_reach"
+    assert out.splitlines()[-1] == "REFUSED start_out_of_reach: the reason"
     assert err.startswith("dexplan: replaces what is in there of an older run: problem.toml, plan.json, ")
     assert sorted(f.name for f in old.iterdir()) == ["notes.txt", "plan.json", "problem.toml"]
     assert main(["plan", "hold_two", "--out", "there"]) == 1
@@ -151,14 +151,14 @@ def test_no_plan_is_an_honest_no(
 def test_run_saves_everything_and_ends_with_the_verdict(
     verdict: str, code: int, pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    pipeline.validate = lambda problem, plan, trace: FakeReport(verdict)
+    pipeline.validate_as_recorded = lambda problem, plan, trace: FakeReport(verdict)
     seeds = []
-    pipeline.rollout = lambda problem, plan, *, seed, progress: seeds.append((seed, problem.seed, progress))
+    pipeline.rollout = lambda problem, plan, *, progress: seeds.append((problem.seed, progress))
     assert main(["run", "hold_two", "--seed", "7", "--video"]) == code
     out, err = capsys.readouterr()
     assert out.splitlines()[-1].startswith(verdict.upper())
     assert err == ""
-    assert seeds == [(7, 7, None)]
+    assert seeds == [(7, None)]
     names = {"problem.toml", "plan.json", "model.xml", "trace.npz", "report.json", "video.mp4"}
     assert {f.name for f in (cwd / "runs" / "hold_two").iterdir()} == names
     assert main(["validate", "runs/hold_two"]) == code
@@ -169,7 +169,7 @@ def test_run_saves_everything_and_ends_with_the_verdict(
 def test_a_machine_that_cannot_render_says_so_in_one_line(
     pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    def refuse(folder: Path) -> None:
+    def refuse(folder: Path, *, progress: object) -> None:
         raise RenderError("no offscreen renderer; install libegl1 libgl1")
 
     pipeline.render_run = refuse

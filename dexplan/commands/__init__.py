@@ -5,9 +5,10 @@ Nothing is written before the problem has been read, and nothing but files that 
 there belongs together.
 
 =============  ================================================================================
-``problems``   ``list_everything``, ``inspect``, ``plan``: what is asked without running
-``runs``       ``run``, ``validate``, ``render``: runs made, judged again, filmed
+``problems``   ``list_everything``, ``show``, ``new``, ``inspect``, ``plan``: what is asked without running
+``runs``       ``run``, ``validate``, ``render``, ``draw_figures``: runs made, judged again, filmed, drawn
 ``scenes``     ``doctor``, ``stability``: this machine, and any MuJoCo scene
+``voice``      how much is said: ``-q`` and ``-v``
 =============  ================================================================================
 
 >>> from dexplan.commands import problems
@@ -17,4 +18,4 @@ scene    three_finger_sphere ...
 0
 """
 
-__all__ = ["problems", "runs", "scenes"]
+__all__ = ["problems", "runs", "scenes", "voice"]

@@ -30,11 +30,11 @@ def read(name: str, assignments: Sequence[str], seed: int | None = None) -> tupl
 def choose_folder(problem: Problem, out: Path | None) -> Path:
     """Return the folder asked for, or the one of the problem's name (not yet made)."""
     folder = Path("runs") / problem.name if out is None else out
-    _check_writable(folder)
+    check_writable(folder)
     return folder
 
 
-def _check_writable(folder: Path) -> None:
+def check_writable(folder: Path) -> None:
     """Refuse a folder that could not be made or written, before any work is done for it."""
     accepted = "accepted: a folder that can be written"
     try:
@@ -61,3 +61,16 @@ def check_run_folder(folder: Path) -> None:
         hint = f", such as {str(near)!r}" if (near / "trace.npz").is_file() else ""
         fact = "is not a folder" if os.path.lexists(folder) else "no such folder"
         raise RunFolderError(str(folder), fact, accepted + hint)
+
+
+def check_new_file(path: Path, suffix: str, accepted: str) -> None:
+    """Raise ProblemError, which says what is ``accepted``, for what is no place for a new file with this suffix."""
+    accepted = f"accepted: {accepted}"
+    if path.suffix != suffix:
+        raise ProblemError("FILE", "", f"{str(path)!r} does not end in {suffix}", accepted)
+    if os.path.lexists(path):
+        raise ProblemError("FILE", "", f"{str(path)!r} is there and is not overwritten", accepted)
+    if not path.parent.is_dir():
+        raise ProblemError(
+            "FILE", "", f"there is no folder {str(path.parent)!r}", f"{accepted}, in a folder that is there"
+        )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dexplan import run_folder
+from dexplan.commands.voice import note
 from dexplan.errors import DexplanError, OutputError, ProblemError
 from dexplan.terminal import describe_refusal
 
@@ -33,10 +33,15 @@ class Output:
             if self.target.replaced:
                 names = self.target.replaced
                 kind = "plan" if set(names) <= set(run_folder.PLAN_FILES) else "run"
-                what = f"what is in {self.folder} of an older {kind}: {', '.join(names)}"
-                print(f"dexplan: replaces {what}", file=sys.stderr)
+                stills = [name for name in names if "/" in name]
+                told = [name for name in names if name not in stills]
+                told += [f"{len(stills)} pictures in {run_folder.STILLS}"] if stills else []
+                what = f"what is in {self.folder} of an older {kind}: {', '.join(told)}"
+                note(f"replaces {what}")
             for name in self.target.replaced:
                 (self.folder / name).unlink(missing_ok=True)
+            with suppress(OSError):
+                (self.folder / run_folder.STILLS).rmdir()  # kept where anything else is in it
             run_folder.save_problem(self.problem, self.folder / "problem.toml")
 
     @contextmanager
@@ -100,3 +105,20 @@ def keep_trace(trace: Trace | None, folder: Path, error: BaseException) -> None:
         return
     seconds = float(trace["time"][-1]) if trace.sample_count else 0.0
     error.add_note(f"the run so far ({seconds:.2f} s) is in {folder / 'trace.npz'}")
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a text file that must not be there yet, whole or not at all."""
+    try:
+        stream = path.open("x", encoding="utf-8")
+    except OSError as error:
+        fact = f"{str(path)!r} cannot be written ({error.strerror})"
+        raise ProblemError(
+            "FILE", "", fact, "accepted: a file that is not there, in a folder that can be written"
+        ) from error
+    try:
+        with stream:
+            stream.write(text)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise

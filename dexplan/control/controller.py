@@ -15,6 +15,7 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.contact.surfaces.sphere import require_sphere
+from dexplan.control.clock import PlanClock
 from dexplan.control.follow import PostureFollower
 from dexplan.control.forces import REFRESH, ForceControl
 from dexplan.control.hand import MeasuredHand, build_hand_body
@@ -84,6 +85,7 @@ class Controller:
         require_sphere(scene.object.surface, "the controller")
         self._scene, self._reference, self._options = scene, reference, options
         self._tick = options.tick
+        self._clock = PlanClock(reference, [f.name for f in scene.fingers], options.tick)
         body, self._n = build_hand_body(scene), scene.n_fingers
         self._measured = MeasuredHand(body)
         self._commanded = PostureFollower(body, options.joint_speed, options.tick)
@@ -96,7 +98,8 @@ class Controller:
         """Be as before the first tick: what was made for this hand and reference stays, nothing else."""
         self._forces.restart()
         self._qdot, self._settling = np.zeros(self._gain.shape), REFRESH
-        self._phase, self._phase_start = -1, 0.0
+        self._is_started = False
+        self._clock.restart()
         self._carried = np.tile(np.eye(4), (self._n, 1, 1))
         self._adopted: frozenset[int] = frozenset()
         self._correction, self._is_primed = np.zeros(6), False
@@ -109,7 +112,9 @@ class Controller:
     def step(self, observation: Observation) -> Command:
         """Return the command for the tick that starts now."""
         self._sense(observation)
-        phase, t, is_done, failure = self._advance(observation)
+        phase, t, is_done, failure, entered = self._clock.advance(observation.time, observation.touching)
+        for index in entered:
+            self._enter(index, observation)
         now, X_next = self._look(phase.object_path, t)
         self._relax(observation, phase, t)
         self._aim(phase, t, observation.time, self._correct(observation, now.X_WO, X_next))
@@ -137,33 +142,12 @@ class Controller:
 
     def _sense(self, observation: Observation) -> None:
         self._measured.measure(observation.q, observation.qdot)
-        if self._phase < 0:
+        if not self._is_started:
             self._commanded.start(self._measured.qpos)
             self._targets[:] = self._measured.X_WF
 
-    def _advance(self, observation: Observation) -> tuple[Phase, float, bool, str | None]:
-        """Move on to the phase that holds now; return it, the time within it, whether all is done, and what failed."""
-        phases = self._reference.phases
-        failure = None
-        if self._phase < 0:
-            self._enter(0, observation.time, observation)
-        while True:
-            phase = phases[self._phase]
-            t = observation.time - self._phase_start
-            last = self._phase == len(phases) - 1
-            if phase.ends_on_touch:
-                assert phase.finger is not None
-                over = bool(observation.touching[phase.finger])
-                if t > phase.duration + self._reference.touchdown.timeout:
-                    failure = f"{self._scene.fingers[phase.finger].name} found no object where it should have touched"
-            else:
-                over = t > phase.duration - 0.5 * self._tick
-            if not over or last:
-                return phase, t, over and last, failure
-            self._enter(self._phase + 1, observation.time, observation)
-
-    def _enter(self, index: int, time: float, observation: Observation) -> None:
-        self._phase, self._phase_start, self._settling = index, time, REFRESH
+    def _enter(self, index: int, observation: Observation) -> None:
+        self._is_started, self._settling = True, REFRESH
         phase = self._reference.phases[index]
         X_OW = invert_pose(observation.X_WO)
         # A finger that begins to hold is carried from where it really touched, not from where it should have.
@@ -180,7 +164,7 @@ class Controller:
                     self._scene.fingers[phase.finger],
                     phase,
                     self._commanded.q[phase.finger],
-                    time,
+                    observation.time,
                     self._tick,
                     float(self._scene.model.opt.timestep),
                 )

@@ -192,7 +192,9 @@ def _work(job: Mapping[str, Any], size: tuple[int, int]) -> None:
             from matplotlib.image import imsave
 
             for k, still in enumerate(stills):
-                imsave(still["path"], renderer.draw(still["time"]), format="png")
+                imsave(
+                    still["path"], renderer.draw(still["time"]), format="png", metadata={"Software": SOFTWARE}
+                )
                 _say(event="progress", share=(k + 1) / len(stills))
         else:
             _film(renderer, trace, job, size)

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +19,7 @@ from dexplan.plans.actions import Action, MoveObject, Relocate
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.phases import MAY, MUST
 from dexplan.plans.plan import Plan
+from dexplan.sim import contact_table
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
 
@@ -47,8 +47,7 @@ class Span:
 
 def read_finger_names(trace: Trace) -> tuple[str, ...]:
     """Return the fingers' names in the order of the trace's columns, read off its model's tips."""
-    names = (geom.get("name", "") for geom in ElementTree.fromstring(trace.model_xml).iter("geom"))
-    return tuple(name.removesuffix("/tip") for name in names if name.endswith("/tip"))
+    return contact_table.read_finger_names(trace.model_xml)
 
 
 def build_gait_rows(trace: Trace) -> tuple[GaitRow, ...]:

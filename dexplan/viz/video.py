@@ -103,23 +103,29 @@ def render_frames(
     plan: Plan | None = None,
     size: tuple[int, int] = SIZE,
     camera: str = CAMERA,
+    progress: Progress | None = None,
 ) -> tuple[Path, ...]:
     """Write the samples at ``times`` [s] to ``folder``, ``frame_001.png`` and so on; return their paths."""
     targets = {Path(folder) / f"frame_{k:03d}.png": time for k, time in enumerate(times, start=1)}
     if targets:
-        _draw_stills(trace, plan, targets, size, camera)
+        _draw_stills(trace, plan, targets, size, camera, progress)
     return tuple(targets)
 
 
 def _draw_stills(
-    trace: Trace, plan: Plan | None, targets: Mapping[Path, float], size: tuple[int, int], camera: str
+    trace: Trace,
+    plan: Plan | None,
+    targets: Mapping[Path, float],
+    size: tuple[int, int],
+    camera: str,
+    progress: Progress | None = None,
 ) -> None:
     partials = {target: _partial(target) for target in targets}
     stills = [{"time": float(t), "path": str(partials[target].absolute())} for target, t in targets.items()]
     try:
         with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
             files = _save_values(trace, plan, Path(folder))
-            _run_job(_build_job(*files, size, camera, stills=stills), None)
+            _run_job(_build_job(*files, size, camera, stills=stills), progress)
         for target, partial in partials.items():
             partial.replace(target)
     finally:

@@ -10,6 +10,17 @@
 ===============  ==============================================================================
 
 Station, orbit, leg and hover are explained, with pictures, in ``docs/glossary.md``.
+
+To an attitude there are many ways, each of them legs: turns about one axis each.
+
+>>> import numpy as np
+>>> from dexplan.planning.gait.routes import build_routes
+>>> from dexplan.plans.goal import RotationGoal
+>>> from dexplan.spatial import rotate_about
+>>> goal = RotationGoal.from_attitude(np.eye(4), rotate_about([1.0, 0.0, 0.0], 0.7), np.zeros(3))
+>>> routes = build_routes(goal)
+>>> len(routes[0]), round(float(np.degrees(routes[0][0].angle)), 1)
+(1, 40.1)
 """
 
 __all__ = ["contacts", "cost", "escape", "held", "legs", "routes", "search", "start_pairs", "steps"]

@@ -63,18 +63,13 @@ def check_force_prediction_error(case: Case) -> CheckResult:
 
 def check_force_cone_margin_min(case: Case) -> CheckResult:
     """Planned forces inside the exact believed cone, torsion included: 1 - utilisation, smallest."""
-    name, limit, friction = (
-        "force_cone_margin_min",
-        case.limit("force_cone_margin_min"),
-        case.problem["friction"],
-    )
+    name, limit = "force_cone_margin_min", case.limit("force_cone_margin_min")
     planned = case.column("contact_force_reference", (case.finger_count, 4))
     if planned is None:
         return fail(name, "–", "the record has no planned forces", limit)
     if not np.isfinite(planned).all(axis=-1).any():
         return fail(name, "–", "no force was ever planned", limit)
-    safety = friction["safety"]
-    used = compute_utilisation(planned, friction["sliding"] / safety, friction["torsional_m"] / safety)
+    used = compute_utilisation(planned, *case.believed_friction)
     # Rows that are all missing are fingers without a plan; a row missing in part is an error.
     used = np.where(np.isnan(planned).all(axis=-1), -np.inf, np.where(planned[..., 2] < 0, np.inf, used))
     worst = np.where(np.isnan(used), np.nan, np.clip(1.0 - used, -1.0, 1.0))
@@ -133,8 +128,7 @@ def check_plan_force_closure(case: Case) -> CheckResult:
     """Friction angle to spare before a planned grasp would no longer be force closed, worst grasp of the
     plan.
     """
-    friction = case.problem["friction"]
-    believed = friction["sliding"] / friction["safety"], friction["torsional_m"] / friction["safety"]
+    believed = case.believed_friction
     limit = case.limit("plan_force_closure_min_deg")
 
     def slack(points: Array, normals: Array, poses: Array) -> float:
@@ -144,11 +138,10 @@ def check_plan_force_closure(case: Case) -> CheckResult:
 
 
 def check_plan_load_margin(case: Case) -> CheckResult:
-    """Part of the believed cones left over when a planned grasp carries the weight, worst grasp and pose of
+    """Part of the believed cones left over when a planned grasp carries the true weight, worst grasp and pose of
     the plan.
     """
-    friction = case.problem["friction"]
-    believed = friction["sliding"] / friction["safety"], friction["torsional_m"] / friction["safety"]
+    believed = case.believed_friction
     # What the plan itself allows may be less: a light object is not to be entered by the tips.
     allowed = float(case.plan.get("normal_ceiling_N", np.inf))
     squeeze, limit = (
