@@ -116,7 +116,7 @@ class Reader:
 
     folder: Path
     kept: Path
-    namespace: dict[str, Any] = field(default_factory=lambda: {"__name__": "__page__"})
+    namespace: dict[str, Any] = field(default_factory=lambda: {"__name__": "__main__"})
 
     def run(self, block: Block) -> None:
         """Run a block that is not slow; AssertionError where it does not do what the page says."""
@@ -176,7 +176,8 @@ class Reader:
 
     def _run_kept(self, words: list[str]) -> tuple[int, str]:
         """Run ``dexplan run``, or take what it printed and wrote from the first time."""
-        given = [Path(word) for word in words if Path(word).is_file()]
+        # A controller is named as FILE.py:NAME.
+        given = [path for word in words if (path := Path(word.partition(":")[0])).is_file()]
         digest = hashlib.sha256(repr(words).encode())
         for path in given:
             digest.update(path.read_bytes())

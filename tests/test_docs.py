@@ -13,7 +13,7 @@ BY_PAGE = {page: read_blocks(page) for page in PAGES}
 RUNNING = [
     page for page, blocks in BY_PAGE.items() if any(b.language in RUN and not b.is_slow for b in blocks)
 ]
-README_LINES = 80
+README_LINES, EXAMPLE_LINES = 80, 90
 SOURCES = (*(ROOT / "scripts").iterdir(), *(ROOT / "dexplan" / "viz").glob("*.py"), *EXAMPLES.glob("*.py"))
 COMMANDS = re.compile(r"^\s*(\$ |dexplan |scripts/|pip |python |pytest )", re.MULTILINE)
 LINK = re.compile(r"!?\[[^]]*\]\(([^)#\s]+)[^)]*\)")
@@ -65,6 +65,9 @@ def test_every_picture_is_made_by_a_script() -> None:
 def test_every_example_stands_on_a_page() -> None:
     shown = {mark for page in PAGES for mark in find_marks(page.read_text(encoding="utf-8"))}
     for example in EXAMPLES.glob("*.py"):
+        assert len(example.read_text(encoding="utf-8").splitlines()) <= EXAMPLE_LINES, (
+            "an example is one page"
+        )
         assert f"examples/{example.name}" in shown, f"{example.name} is on no page, so that nothing runs it"
 
 
