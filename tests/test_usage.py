@@ -67,7 +67,7 @@ LINES = {
     "run hold_two --vidoe": "did you mean --video?",
     "run hold_two --sed 3": "did you mean --seed?",
     "run hold_two -o there": "run has no option -o; run accepts: --set KEY=VALUE, --out DIR, --video, --no-video, "
-    "--seed N, --verbose, --quiet",
+    "--seed N, --controller MODULE:NAME, --true KEY=VALUE, --verbose, --quiet",
     "run hold_two --video=yes": "--video takes no value, 'yes' was given",
     "run hold_two --seed": "--seed needs a value; accepted: --seed N",
     "run hold_two --seed --video": "--seed needs a value",
