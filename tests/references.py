@@ -33,7 +33,7 @@ def write_part(name: str) -> str:
     """Return a written part by its name; KeyError for a name that is none."""
     path = ROOT / name
     if name.startswith("examples/") and path.is_file():
-        language = {".py": "python", ".toml": "toml"}[path.suffix]
+        language = {".py": "python", ".toml": "toml", ".xml": "xml"}[path.suffix]
         # A file that commands of the page use is named in its first line.
         return f"```{language}\n{path.read_text(encoding='utf-8')}```\n"
     return TABLES[name]()
