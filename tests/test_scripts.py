@@ -33,6 +33,7 @@ WRONG = [
     "adjustment_sweep --count -3",
     "attitude_sweep nosuch",
     "attitude_sweep --count many",
+    "docs --slow nosuch",
     "endurance nosuch",
     "endurance --goals -1",
     "jitter --workers 0",
