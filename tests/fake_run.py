@@ -84,5 +84,7 @@ def make_pipeline() -> SimpleNamespace:
         write_report=lambda folder, *given: (folder / "report.html").write_text(PAGE),
         draw_refusal=lambda folder, *given: draw_nothing(folder / "refusal.png"),
         load_run=lambda folder: ("problem", "plan", "trace"),
-        render_run=lambda folder, *, progress=None: (folder / "video.mp4").write_bytes(FILM),
+        render_run=lambda folder, path=None, options=None, progress=None: (
+            path or folder / "video.mp4"
+        ).write_bytes(FILM),
     )
