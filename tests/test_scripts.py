@@ -40,6 +40,8 @@ WRONG = [
     "jitter --problem nosuch",
     "rolling_sweep --step 0",
     "rolling_sweep --legs nan",
+    "open_reports",
+    "open_reports nosuch",
     "shift_sweep nosuch",
     "shift_sweep --furthest-mm 0",
     "three_to_two --radii-mm -4",

@@ -14,6 +14,7 @@ from matplotlib.image import imread, imsave
 from dexplan.errors import RenderError
 from dexplan.plans.plan import Plan
 from dexplan.sim.trace import Trace
+from dexplan.viz.film import FilmOptions
 from dexplan.viz.video import render_frames
 
 JPEG_QUALITY = 72
@@ -22,6 +23,14 @@ MOST_PICTURES = 60
 """A longer plan shows a picture of every second, third, ... action, so that a page stays small."""
 MOST_MOMENTS = 12
 """Failing checks beyond this share the pictures of the actions."""
+
+
+ACTION = FilmOptions(size=(800, 400), is_told=False)
+"""Beside an action in words: what a film says in captions stands there already."""
+MOMENT = FilmOptions()
+"""Where a check fails: with captions and gauges, as in the film."""
+SCENE = FilmOptions(size=(960, 600), cameras=("overview",), is_told=False)
+"""Before anything moves."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +45,14 @@ class Pictures:
         return None if time is None else dict(self.by_time).get(time)
 
 
-def draw_pictures(trace: Trace, plan: Plan | None, times: Sequence[float]) -> Pictures:
+def draw_pictures(
+    trace: Trace, plan: Plan | None, times: Sequence[float], options: FilmOptions = ACTION
+) -> Pictures:
     """Return pictures of the run at ``times`` [s]; where this machine cannot draw, none and why."""
     wanted = sorted(set(times))
     try:
         with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
-            paths = render_frames(trace, wanted, folder, plan=plan)
+            paths = render_frames(trace, wanted, folder, plan=plan, options=options)
             return Pictures(tuple(zip(wanted, map(_as_jpeg, paths), strict=True)))
     except RenderError as error:
         return Pictures(missing=" ".join(str(error).split()))

@@ -19,7 +19,7 @@ from dexplan.page.judgement import (
     list_moments,
 )
 from dexplan.page.origin import build_origin, build_physics
-from dexplan.page.pictures import Pictures, choose_times, draw_pictures
+from dexplan.page.pictures import MOMENT, SCENE, Pictures, choose_times, draw_pictures
 from dexplan.page.story import build_figures, build_film, build_plan, build_start
 from dexplan.page.subject import Subject
 from dexplan.plans.plan import Plan
@@ -78,22 +78,23 @@ def render_page(subject: Subject) -> str:
     times: dict[int, float] = {}
     curves: Curves | None = None
     if subject.trace is None:
-        pictures = Pictures() if subject.scene is None else draw_pictures(subject.scene, None, [0.0])
+        pictures = Pictures() if subject.scene is None else draw_pictures(subject.scene, None, [0.0], SCENE)
         shown = [build_figures(subject), build_start(subject, pictures)]
         # What is in the way is seen in the scene, what is out of reach in the figure.
         is_blocked = subject.plan.status is Status.BLOCKED
         sections = [build_refusal(subject), *(reversed(shown) if is_blocked else shown)]
     else:
         times, moments = choose_times(subject.trace, subject.plan), list_moments(subject)
-        pictures = draw_pictures(subject.trace, subject.plan, [*times.values(), *moments.values()])
+        pictures = draw_pictures(subject.trace, subject.plan, list(times.values()))
+        told = draw_pictures(subject.trace, subject.plan, list(moments.values()), MOMENT)
         curves = compute_curves(subject.data, subject.plan, subject.trace)
-        sections = [build_failures(subject, pictures, curves), build_film(subject)]
+        sections = [build_failures(subject, told, curves), build_film(subject)]
     sections.append(build_plan(subject, pictures, times))
     if subject.trace is not None:
         sections += [build_figures(subject), build_checks(subject), build_loose_limits(subject.report)]
     sections += [build_physics(subject), build_origin(subject)]
-    told = [section for section in sections if section is not None]
-    return "<!doctype html>\n" + as_html(_frame(subject, told)) + "\n"
+    filled = [section for section in sections if section is not None]
+    return "<!doctype html>\n" + as_html(_frame(subject, filled)) + "\n"
 
 
 def _frame(subject: Subject, sections: list[Element]) -> Element:

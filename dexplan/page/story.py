@@ -49,6 +49,10 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
         parts.append(build("p", f"{words[:1].upper()}{words[1:]}."))
     if plan.speed is not None:
         parts.append(build("p", f"Speed: {plan.speed}."))
+    if pictures.by_time:
+        words = "Pictures show the end of each action, left the hand and right the object: a cone holds the forces that "
+        words += "friction allows, the arrow in it is the force, numbers are fingers."
+        parts.append(build("p", words, class_="note"))
     if pictures.missing:
         parts.append(build("p", f"There are no pictures of the hand: {pictures.missing}", class_="note"))
     entries, before, limits = [], plan.start_contacts, build_margin_limits(subject.problem)

@@ -126,7 +126,9 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The moments that were drawn; pictures are grey squares, so that no renderer is needed."""
     moments: list[float] = []
 
-    def draw(trace: Trace, times: list[float], folder: str, *, plan: Plan | None = None) -> tuple[Path, ...]:
+    def draw(
+        trace: Trace, times: list[float], folder: str, *, plan: Plan | None = None, options: object
+    ) -> tuple[Path, ...]:
         moments.extend(times)
         paths = tuple(Path(folder) / f"{k}.png" for k in range(len(times)))
         for path, time in zip(paths, times, strict=True):
