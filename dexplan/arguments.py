@@ -17,6 +17,10 @@ _Sets = Annotated[
     tyro.conf.UseAppendAction[tuple[str, ...]],
     tyro.conf.arg(name="set", metavar="KEY=VALUE", help_behavior_hint=""),
 ]
+_Cameras = Annotated[
+    tyro.conf.UseAppendAction[tuple[str, ...]],
+    tyro.conf.arg(name="camera", metavar="NAME", help_behavior_hint="(default: overview and closeup)"),
+]
 _Out = Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: runs/NAME)")]
 _Text = Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: none)")]
 _Controller = Annotated[
@@ -29,7 +33,7 @@ _Truths = Annotated[
 ]
 _Seed = Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: the problem's)")]
 _Camera = Annotated[
-    str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: the one that shows most)")
+    str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: those that show most)")
 ]
 
 
@@ -171,14 +175,29 @@ class Validate(Speaking):
 
 @dataclass(frozen=True)
 class Render(Speaking):
-    """Make the video of a saved run."""
+    """Make the film of a saved run."""
 
     folder: _Folder
     """A folder written by `dexplan run`."""
+    out: Annotated[
+        Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: video.mp4 in DIR)")
+    ] = None
+    """The film, .mp4 or .gif."""
+    cameras: _Cameras = ()
+    """One camera, or two side by side: overview, closeup, top, side; repeatable."""
+    size: Annotated[str, tyro.conf.arg(metavar="WxH")] = "1280x720"
+    """Width and height in pixels."""
+    fps: Annotated[float, tyro.conf.arg(metavar="N")] = 25.0
+    """Pictures per second, of a .gif at most 20."""
+    quality: Annotated[str, tyro.conf.arg(metavar="NAME")] = "normal"
+    """draft, normal (smooth edges) or fine (shadows, too)."""
 
     def run(self) -> int:
         """Do it; return the exit code."""
-        return runs.render(self.folder)
+        from dexplan.viz.film import CAMERAS, FilmOptions, parse_size
+
+        options = FilmOptions(parse_size(self.size), self.cameras or CAMERAS, self.fps, self.quality)
+        return runs.render(self.folder, self.out, options)
 
 
 @dataclass(frozen=True)

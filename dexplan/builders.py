@@ -14,7 +14,7 @@ from dexplan.kinematics.workspace import load_workspace
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.limits import AdmissibleLimits
 from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
-from dexplan.planning.gait.cost import CostWeights, Improvement
+from dexplan.planning.search.cost import CostWeights, Improvement
 from dexplan.plans.forces import NormalForces
 from dexplan.plans.margins import MarginLimits
 from dexplan.plans.timing import Timing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +29,7 @@ from dexplan.control.reference import build_reference
 from dexplan.errors import DexplanError, RunFolderError
 from dexplan.planning.actions import schedule
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.blocked import find_obstruction
 from dexplan.planning.tasks.dextrous_manipulation import plan_dextrous_manipulation
 from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
@@ -51,7 +52,8 @@ from dexplan.sim.record import rollout as _rollout
 from dexplan.sim.record.keyframes import name_states
 from dexplan.sim.trace import Trace, check_replayable
 from dexplan.spatial import Array, as_pose
-from dexplan.viz.timeline import build_captions
+from dexplan.viz.film import CAMERAS, FPS, SIZE, Film, FilmOptions
+from dexplan.viz.story import build_captions
 
 _LOG = logging.getLogger(__name__)
 
@@ -95,25 +97,23 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
     if no := find_obstruction(hand, waiting):
         return replace(refuse(hand, goal, no.status, no.reason, no.refusal), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
+    options = SearchOptions(*means, build_improvement(problem))
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
     if asked.contacts_deg is None:
-        return plan_object_manipulation(hand, goal, start, *means, build_improvement(problem))
+        return plan_object_manipulation(hand, goal, start, *means, options.improvement)
     wanted = compute_contact_directions(asked.contacts_deg)
     if asked.kind == "grasp_adjustment":
-        return plan_grasp_adjustment(
-            hand, X_WO, start, wanted, *means, asked.keep_object, build_improvement(problem)
-        )
+        return plan_grasp_adjustment(hand, X_WO, start, wanted, options, asked.keep_object)
     timing = build_timing(problem)
     return plan_dextrous_manipulation(
         hand,
         goal,
         start,
         wanted,
-        *means,
+        options,
         order=asked.order,
         compute_duration=lambda found: schedule.time_plan(found, scene.fingers, timing).duration,
-        improvement=build_improvement(problem),
     )
 
 
@@ -208,22 +208,37 @@ def validate_as_recorded(problem: Problem, plan: Plan, trace: Trace) -> Validati
     return validate_run(problem.as_dict(), plan.as_dict(), trace, world=world)
 
 
-def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
-    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``.
+def render(
+    trace: Trace,
+    path: str | Path,
+    plan: Plan | None = None,
+    *,
+    cameras: Sequence[str] = CAMERAS,
+    size: tuple[int, int] = SIZE,
+    fps: float = FPS,
+    quality: str = "normal",
+) -> Film:
+    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``; return the film, which a notebook shows.
 
-    The trace carries its captions; ``plan`` adds marks where the goal's contacts are.  Raises RenderError where no renderer can
-    be started, and for any other suffix.
+    The trace carries its words; a ``plan`` tells them anew.  ``cameras``: one or two, side by side, of ``overview``,
+    ``closeup``, ``top``, ``side``; ``size``: width and height [pixels]; ``quality``: ``draft``, ``normal`` or ``fine``.
+    Raises RenderError where no renderer can be started, and for any other suffix; FilmOptionError for options that make no film.
     """
     from dexplan.viz.video import render_video
 
-    render_video(trace, plan, Path(path))
+    return render_video(trace, plan, Path(path), FilmOptions(size, tuple(cameras), fps, quality))
 
 
-def render_run(folder: str | Path, *, progress: Callable[[float], None] | None = None) -> None:
-    """Film a saved run: writes ``video.mp4`` into its folder; ``progress`` is called with the share done."""
+def render_run(
+    folder: str | Path,
+    path: str | Path | None = None,
+    options: FilmOptions | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Film:
+    """Film a saved run into its ``video.mp4``, or into ``path``; return the film."""
     from dexplan.viz.video import render_run as film
 
-    film(Path(folder), progress=progress)
+    return film(Path(folder), options, path=path, progress=progress)
 
 
 def save_run(

@@ -108,6 +108,20 @@ def check_replaceable(path: Path, source: Path | None = None) -> None:
         raise RunFolderError(str(path), why, "move it elsewhere first")
 
 
+def check_film_replaceable(path: Path) -> None:
+    """Raise RunFolderError where a film is to be written at ``path``, of whatever name, and what is there is no film of ours."""
+    test = _FILM_TESTS.get(path.suffix.lower())
+    if not os.path.lexists(path) or test is None:
+        return
+    try:
+        is_film = path.is_file() and test(path)
+    except (OSError, ValueError):
+        is_film = False
+    if not is_film:
+        fact = "is there and was made by no run, so it is left alone"
+        raise RunFolderError(str(path), fact, "move it elsewhere first")
+
+
 def find_run_files(folder: Path) -> tuple[str, ...]:
     """Return the files of ours in ``folder`` that only a run, or what was made of one, leaves."""
     return tuple(n for n in (*RUN_FILES, *LATER_FILES) if n not in PLAN_FILES and is_ours(folder / n))
@@ -262,6 +276,15 @@ def _is_picture(path: Path) -> bool:
 def _is_film(path: Path) -> bool:
     content = path.read_bytes()
     return content[4:8] == b"ftyp" and MARK.encode() in content
+
+
+def _is_gif(path: Path) -> bool:
+    with path.open("rb") as stream:
+        head = stream.read(1024)
+    return head.startswith(b"GIF89a") and MARK.encode() in head
+
+
+_FILM_TESTS = {".mp4": _is_film, ".gif": _is_gif}
 
 
 def _is_crash(path: Path) -> bool:

@@ -75,5 +75,7 @@ def make_pipeline() -> SimpleNamespace:
         inspect=lambda problem, folder: "the numbers",
         save_run=save_run,
         load_run=lambda folder: ("problem", "plan", "trace"),
-        render_run=lambda folder, *, progress=None: (folder / "video.mp4").write_bytes(FILM),
+        render_run=lambda folder, path=None, options=None, progress=None: (
+            path or folder / "video.mp4"
+        ).write_bytes(FILM),
     )

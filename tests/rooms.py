@@ -35,6 +35,9 @@ ALL = (
     "arguments builders pipeline run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plans scene"
+PROBLEMS = (
+    "planning.admissible planning.ways planning.regions planning.rolling planning.contacts planning.search"
+)
 ROOMS = {
     # storey 0
     "errors": _see(""),
@@ -63,16 +66,11 @@ ROOMS = {
     "planning.ways": _see(f"{KNOWN} planning.admissible", f"{MATH} ompl"),
     "planning.regions": _see(f"{KNOWN} planning.admissible", MATH),
     "planning.rolling": _see(f"{KNOWN} planning.admissible", MATH),
-    "planning.gait": _see(
-        f"{KNOWN} planning.admissible planning.ways planning.regions planning.rolling", MATH
-    ),
-    "planning.regrasp": _see(
-        f"{KNOWN} planning.admissible planning.ways planning.regions planning.rolling", MATH
-    ),
-    "planning.actions": _see(
-        f"{KNOWN} planning.admissible planning.ways planning.regions planning.rolling planning.gait planning.regrasp",
-        MATH,
-    ),
+    "planning.contacts": _see(f"{KNOWN} planning.admissible planning.ways planning.regions", MATH),
+    "planning.search": _see(f"{KNOWN} planning.ways planning.contacts", MATH),
+    "planning.gait": _see(f"{KNOWN} {PROBLEMS}", MATH),
+    "planning.regrasp": _see(f"{KNOWN} {PROBLEMS}", MATH),
+    "planning.actions": _see(f"{KNOWN} {PROBLEMS} planning.gait planning.regrasp", MATH),
     "planning.tasks": _see(f"{KNOWN} planning", MATH),
     "control": _see(KNOWN, f"{MATH} mujoco mink daqp"),
     # storey 4

@@ -51,6 +51,10 @@ BAD_COMMAND_LINES = [
     "validate no_such_folder",
     "validate /dev/null",
     "render no_such_folder",
+    "render . --size 12",
+    "render . --quality best",
+    "render . --fps 0",
+    "render . --camera top --camera side --camera overview",
 ]
 
 
@@ -166,10 +170,23 @@ def test_run_saves_everything_and_ends_with_the_verdict(
     assert main(["render", "runs/hold_two"]) == 0
 
 
+def test_a_film_goes_where_it_is_asked_to_and_replaces_nothing_foreign(
+    pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
+) -> None:
+    make_older_run(cwd / "old")
+    assert main(["render", "old", "--out", "mine.mp4"]) == 0
+    assert capsys.readouterr().out == "mine.mp4\n"
+    assert main(["render", "old", "--out", "mine.mp4"]) == 0
+    (cwd / "mine.mp4").write_text("a film of mine")
+    assert main(["render", "old", "--out", "mine.mp4"]) == 2
+    assert "was made by no run" in capsys.readouterr().err
+    assert (cwd / "mine.mp4").read_text() == "a film of mine"
+
+
 def test_a_machine_that_cannot_render_says_so_in_one_line(
     pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    def refuse(folder: Path, *, progress: object) -> None:
+    def refuse(folder: Path, *given: object) -> None:
         raise RenderError("no offscreen renderer; install libegl1 libgl1")
 
     pipeline.render_run = refuse

@@ -17,7 +17,7 @@ LINES = {
     "inspect hold_two --seed=-3": "seed: -3 is out of range",
     "show hold_two --seed": "--seed needs a value; accepted: --seed N",
     "show": "PROBLEM is missing; accepted: dexplan show PROBLEM",
-    "show hold_two --out here": "show has no option --out (an option of inspect, plan, run, frames)",
+    "show hold_two --out here": "show has no option --out (an option of inspect, plan, run, render, frames)",
     "show hold_tow": "did you mean 'hold_two'?",
     "show folder": "is a directory; accepted: a problem file in TOML, such as 'folder/problem.toml'",
     "show hold_two -q": "show has no option -q (an option of",
@@ -60,7 +60,7 @@ LINES = {
     "-q run hold_two": "'-q' stands before the command; accepted: dexplan run ... -q",
     "plan hold_two --video": "plan has no option --video (an option of run)",
     "inspect hold_two --no-video": "inspect has no option --no-video (an option of run)",
-    "validate there --out here": "validate has no option --out (an option of inspect, plan, run, frames); "
+    "validate there --out here": "validate has no option --out (an option of inspect, plan, run, render, frames); "
     "validate accepts: --verbose, --quiet",
     "render there --video": "render has no option --video (an option of run)",
     "list --json": "list has no option --json",

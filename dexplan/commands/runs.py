@@ -24,6 +24,7 @@ from dexplan.errors import ProblemError, RenderError, RunFolderError
 if TYPE_CHECKING:
     from dexplan.problems.problem import Problem
     from dexplan.sim.judge.validate import ValidationReport
+    from dexplan.viz.film import FilmOptions
 
 
 @dataclass(frozen=True)
@@ -127,13 +128,14 @@ def _read_verdict(folder: Path) -> str:
         return ""
 
 
-def render(folder: Path) -> int:
-    """Make the video of a saved run."""
+def render(folder: Path, out: Path | None = None, options: FilmOptions | None = None) -> int:
+    """Make the film of a saved run, ``video.mp4`` in its folder or ``out``."""
     check_run_folder(folder)
-    run_folder.check_replaceable(folder / "video.mp4")
-    code = _make_video(folder)
+    path = folder / "video.mp4" if out is None else out
+    run_folder.check_film_replaceable(path)
+    code = _make_video(folder, path, options)
     if code == CONFIRMED:
-        conclude(folder / "video.mp4")
+        conclude(path)
     return code
 
 
@@ -208,13 +210,13 @@ def _judge(report: ValidationReport) -> int:
     return CONFIRMED if report.verdict == "pass" else HONEST_NO
 
 
-def _make_video(folder: Path) -> int:
+def _make_video(folder: Path, path: Path | None = None, options: FilmOptions | None = None) -> int:
     """Render the run in ``folder``; a machine that cannot render is an honest no, said in one line."""
     from dexplan import pipeline
 
     try:
         with show_progress("filming") as progress:
-            pipeline.render_run(folder, progress=progress)
+            pipeline.render_run(folder, path, options, progress)
     except RenderError as error:
         complain(f"no video: {' '.join(str(error).split())}")
         return HONEST_NO

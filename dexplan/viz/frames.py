@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,21 +19,21 @@ from dexplan.plans.plan import Plan
 from dexplan.run_folder import check_replaceable, list_stills
 from dexplan.sim.trace import Trace
 from dexplan.viz.canvas import SOFTWARE
+from dexplan.viz.film import FilmOptions
 from dexplan.viz.palette import INK, get_finger_color
 from dexplan.viz.timeline import build_action_spans
-from dexplan.viz.video import CAMERA as FILM_CAMERA
-from dexplan.viz.video import render_frames
+from dexplan.viz.video import STILL, render_frames
 
 FIGURES = ("fig3_rewind", "fig4_substitution", "fig5_dextrous")
 """The built-in problems of the paper's figures 3, 4 and 5."""
 CAMERA = "top"
 """The paper looks down on the ball."""
-FRAME_SIZE = (480, 480)
+FRAME_SIZE = (720, 720)
 COLUMNS = 6
 MOST_FRAMES = 12
 MOST_STILLS = 999
 """Pictures that are drawn of one run at most; their names count to as many."""
-CROP = 0.66
+CROP = 0.5
 """Share of the picture, around its middle, that is shown: the ball and the fingertips."""
 
 
@@ -107,9 +107,8 @@ def draw_frames(
         raise ValueError(f"{columns} columns make no row; 1 or more are accepted")
     frames = choose_frames(trace, plan, most)
     with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
-        paths = render_frames(
-            trace, [f.time for f in frames], folder, plan=plan, size=FRAME_SIZE, camera=camera
-        )
+        options = FilmOptions(FRAME_SIZE, (camera,), quality="fine", is_told=False)
+        paths = render_frames(trace, [f.time for f in frames], folder, plan=plan, options=options)
         pictures = [_crop(imread(p)) for p in paths]
     figure = _compose(frames, pictures, columns, len(_list_frames(trace, plan)))
     target = Path(path)
@@ -141,7 +140,7 @@ def draw_stills(
 ) -> tuple[Path, ...]:
     """Draw pictures of the run in ``folder`` into ``out``, ``frame_001.png`` and so on; return their paths.
 
-    Without ``every`` [s]: the start of the run and the end of every action but holds.  ``camera`` None is the film's.  Pictures
+    Without ``every`` [s]: the start of the run and the end of every action but holds.  ``camera`` None: the film's.  Pictures
     of an older run in ``out`` make room, all of them.  Raises RunFolderError for anything but a run folder, and where a file in
     the way is not ours; RenderError where nothing can be drawn on this machine.
     """
@@ -159,7 +158,8 @@ def draw_stills(
     old = list_stills(target)
     for path in {*old, *(target / f"frame_{k:03d}.png" for k in range(1, len(times) + 1))}:
         check_replaceable(path)
-    paths = render_frames(trace, times, target, plan=plan, camera=camera or FILM_CAMERA, progress=progress)
+    options = STILL if camera is None else replace(STILL, cameras=(camera,))
+    paths = render_frames(trace, times, target, plan=plan, options=options, progress=progress)
     for path in {*old} - {*paths}:
         path.unlink(missing_ok=True)
     return paths

@@ -14,8 +14,8 @@ from dexplan import pipeline
 from dexplan.brief import brief_repr
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.sampling import sample_attitude
-from dexplan.planning.tasks.object_manipulation import Start
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import count_placements
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan

@@ -1,11 +1,11 @@
 """Turn and shift the object by exchanging the fingers that hold it: finger substitution and finger rewind.
 
 ===============  ==============================================================================
-``routes``       the ways that an object may take to its goal, as ``legs``
-``contacts``     ``ContactTable``: where fingers can land on a leg, and how far each contact is carried
+``routes``       the ways that an object may take to its goal, as legs
+``exchange``     can fingers be exchanged?
 ``search``       ``GaitSearch``: which finger lifts, where it lands, how far the object goes
-``cost``         what makes a plan better than another one
 ``escape``       where a pair takes the object first, if no other finger finds room beside it
+``theorem_1``    the paper's necessary condition for a gait
 ``steps``        what a search answers with
 ===============  ==============================================================================
 
@@ -23,4 +23,4 @@ To an attitude there are many ways, each of them legs: turns about one axis each
 (1, 40.1)
 """
 
-__all__ = ["contacts", "cost", "escape", "held", "legs", "routes", "search", "start_pairs", "steps"]
+__all__ = ["escape", "exchange", "routes", "search", "start_pairs", "steps", "theorem_1"]

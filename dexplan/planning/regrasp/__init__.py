@@ -2,8 +2,9 @@
 
 ===============  =================================================================
 ``search``       ``AdjustmentSearch``: from one of several grasps to a goal grasp
+``any_grip``     ``SiteGait``: a gait without any symmetry of the object
 ``goal_side``    the goal grasp seen from behind
-``still``        ``StillContacts``: what can land where while the object stands
+``ends``         which grips at the end of the way are the goal
 ``moves``        what such a search answers with
 ===============  =================================================================
 
@@ -16,4 +17,4 @@ What such a search answers with is a list of moves; grasps are the same where fi
 (True, False)
 """
 
-__all__ = ["goal_side", "moves", "search", "still"]
+__all__ = ["any_grip", "ends", "goal_side", "moves", "search"]

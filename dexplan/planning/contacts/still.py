@@ -29,11 +29,18 @@ from dexplan.spatial import Array, invert_pose
 
 Stand = tuple[int | None, ...]
 """Per finger the number of its spot, None where it is free (at home)."""
+Labels = tuple[int | None, ...]
+"""Per finger what its contact is to the goal, as :meth:`StillContacts.label` says."""
 
 DIRECTIONS = 240
 """Directions around the object at which intermediate landings are tried."""
 DETOURS = 4
 """So many detours are looked for in vain around one pose of the object."""
+
+
+def change_stand(stand: Stand, finger: int, spot: int | None) -> Stand:
+    """Return the stand with one finger elsewhere."""
+    return (*stand[:finger], spot, *stand[finger + 1 :])
 
 
 def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) -> list[Placement | None]:
@@ -89,7 +96,7 @@ class StillContacts:
     _landings: dict[int, list[int]] = field(default_factory=dict)
     _loads: dict[tuple[int, int], Array] = field(default_factory=dict)
     _arcs: dict[int, Array] = field(default_factory=dict)
-    _ways: dict[tuple[Stand, int], Way] = field(default_factory=dict)
+    _ways: dict[tuple[Stand, int, bool], Way] = field(default_factory=dict)
     _detours: int = 0
 
     def __post_init__(self) -> None:
@@ -144,7 +151,7 @@ class StillContacts:
         """Return the outward normal (3,) of a spot in W."""
         return self._normals[spot]
 
-    def label(self, stand: Stand) -> tuple[int | None, ...]:
+    def label(self, stand: Stand) -> Labels:
         """Return the labels of a stand; -1 for a contact without one, None for a free finger."""
         return tuple(None if s is None else -1 if (found := self.labels[s]) is None else found for s in stand)
 
@@ -191,14 +198,16 @@ class StillContacts:
         finger = next(f for f, (a, b) in enumerate(zip(before, after, strict=True)) if a != b)
         spot = before[finger] if after[finger] is None else after[finger]
         assert spot is not None
-        return self.find_way((*before[:finger], None, *before[finger + 1 :]), spot)
+        return self.find_way(change_stand(before, finger, None), spot)
 
-    def find_way(self, stand: Stand, spot: int) -> Way:
-        """Return how a free finger of ``stand`` goes between home and ``spot``, around what is in the arc's way.
+    def find_way(self, stand: Stand, spot: int, looks_around: bool = True) -> Way:
+        """Return how a free finger of ``stand`` goes between home and ``spot``.
+
+        If it ``looks_around``, it goes around what is in the way of the arc.
 
         The last bit, from the hover down along the normal, is judged at its end, where all touch.
         """
-        key = (stand, spot)
+        key = (stand, spot, looks_around)
         if key not in self._ways:
             placement = self.spots[spot]
             finger = self.hand.fingers[placement.finger]
@@ -210,7 +219,7 @@ class StillContacts:
             arc = self._arcs[spot]
             touching = tuple(f for f, s in enumerate(stand) if s is not None)
             around = Surroundings(self.hand, self.postures(stand), self.X_WO, placement.finger, touching)
-            way = find_way(around, arc, self._detours < DETOURS)
-            self._detours += way.clearance < self.hand.limits.clearance
+            way = find_way(around, arc, looks_around and self._detours < DETOURS)
+            self._detours += looks_around and way.clearance < self.hand.limits.clearance
             self._ways[key] = way
         return self._ways[key]

@@ -39,7 +39,7 @@ class Improvement:
 
 def compute_cost(
     weights: CostWeights,
-    placements: int,
+    placements: float,
     turned: float,
     shifted: float,
     margins: Sequence[Mapping[str, float]],

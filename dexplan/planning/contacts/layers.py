@@ -10,36 +10,43 @@ from dexplan.planning.admissible.admissibility import Admissibility, FingerState
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
-from dexplan.planning.regrasp.still import Stand, StillContacts
+from dexplan.planning.contacts.oracle import Verdict
+from dexplan.planning.contacts.still import Stand, StillContacts
+from dexplan.planning.contacts.track import Track
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal
 from dexplan.spatial import Array
 
-LAYER_ANGLE, LAYER_SHIFT = float(np.radians(12.0)), 6e-3
-"""Poses at which fingers may be relocated are at most so far apart [rad, m]."""
 SLACK = 1.02
 """The quick answer searches on a grid: a pair does not hold for sure only beyond this."""
 
 
+@dataclass(frozen=True, eq=False)
+class CarriedSpot:
+    """A contact on its way to the next layer: the spot ``there``, and the finger's ``states`` on the way.
+
+    ``there`` is None where it cannot be carried that far; ``refusal`` says why.
+    """
+
+    there: int | None
+    states: tuple[FingerState, ...] = ()
+    refusal: Refusal | None = None
+
+
 @dataclass(eq=False)
 class Layers:
-    """The contacts at every one of the poses on the object's ``motion``; one pose where it stands still."""
+    """The contacts at every stop of the object's ``track``; one pose where it stands still."""
 
     hand: HandModel
     admissibility: Admissibility
-    motion: ObjectMotion
+    track: Track
     poses: list[StillContacts] = field(default_factory=list)
     _promises: dict[tuple[int, int, int], Array] = field(default_factory=dict)
-    _carried: dict[tuple[int, int], tuple[int | None, list[FingerState], Refusal | None]] = field(
-        default_factory=dict
-    )
+    _carried: dict[tuple[int, int], CarriedSpot] = field(default_factory=dict)
+    _verdicts: dict[tuple[int, Stand, bool], Verdict] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        turns = abs(self.motion.angle) / LAYER_ANGLE
-        shifts = float(np.linalg.norm(self.motion.shift_W)) / LAYER_SHIFT
-        count = int(np.ceil(max(turns, shifts) - 1e-9))
-        poses = self.motion.poses(count + 1) if count else self.motion.X_WO_start[None]
-        self.poses = [StillContacts(self.hand, X, self.admissibility) for X in poses]
+        self.poses = [StillContacts(self.hand, X, self.admissibility) for X in self.track.poses]
 
     @property
     def last(self) -> int:
@@ -48,39 +55,37 @@ class Layers:
 
     def step(self, layer: int) -> ObjectMotion:
         """Return the motion from a pose to the next."""
-        return self.motion.part(layer / self.last, (layer + 1) / self.last)
+        return self.track.steps[layer]
 
-    def carry(self, layer: int, spot: int) -> tuple[int | None, list[FingerState], Refusal | None]:
-        """Return the spot in the next layer to which a contact is carried, and the finger's states on the way.
-
-        None, and a reason, where it cannot be carried there.
-        """
+    def carry(self, layer: int, spot: int) -> CarriedSpot:
+        """Return where in the next layer a contact is carried to."""
         key = (layer, spot)
         if key not in self._carried:
             placement = self.poses[layer].spots[spot]
             q, refusal = follow_object(self.hand, placement, self.step(layer).poses())
-            there, states = None, []
+            there, states = None, list[FingerState]()
             if not refusal:
                 label = self.poses[layer].labels[spot]
                 there = self.poses[layer + 1].add(replace(placement, q=q[-1]), label)
                 states = compute_finger_states(self.hand, placement.finger, q)
-            self._carried[key] = there, states, refusal
+            self._carried[key] = CarriedSpot(there, tuple(states), refusal)
         return self._carried[key]
 
-    def judge_carry(
-        self, layer: int, stand: Stand, is_thorough: bool = True
-    ) -> tuple[dict[str, float], Refusal | None]:
-        """Return the worst margins while a stand carries the object to the next pose, and why it cannot (None if it can).
+    def judge_carry(self, layer: int, stand: Stand, is_thorough: bool = True) -> Verdict:
+        """Return the worst margins while a stand carries the object to the next pose, or why it cannot.
 
         Not ``is_thorough``: only half way and at the end are looked at.
         """
-        motion = self.step(layer)
-        poses = motion.poses()
-        looks = np.arange(len(poses)) if is_thorough else np.array([len(poses) // 2, len(poses) - 1])
-        ways = {f: self.carry(layer, s)[1] for f, s in enumerate(stand) if s is not None}
-        states = {f: [way[k] for k in looks] for f, way in ways.items()}
-        rows, refusal = judge_carry(self.hand, self.admissibility, states, motion, poses[looks])
-        return worst(rows), refusal
+        key = layer, stand, is_thorough
+        if key not in self._verdicts:
+            motion = self.step(layer)
+            poses = motion.poses()
+            looks = np.arange(len(poses)) if is_thorough else np.array([len(poses) // 2, len(poses) - 1])
+            ways = {f: self.carry(layer, s).states for f, s in enumerate(stand) if s is not None}
+            states = {f: [way[k] for k in looks] for f, way in ways.items()}
+            rows, refusal = judge_carry(self.hand, self.admissibility, states, motion, poses[looks])
+            self._verdicts[key] = Verdict(worst(rows), refusal)
+        return self._verdicts[key]
 
     def promise(self, layer: int, finger: int, partner: int) -> Array:
         """Return what pairs of ``partner`` with each of a finger's landings use of the cone, now and with the object at its end.

@@ -7,6 +7,8 @@ not.  Only what lies between is asked right away; every state of a finished plan
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,8 +17,8 @@ from dexplan.planning.admissible.admissibility import Admissibility, Margins
 from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_contact_torques, compute_pair_loads, sure_share
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.held import Held
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
 from dexplan.plans.refusal import Refusal, RefusalKind
@@ -28,18 +30,25 @@ _SLACK = 1.02
 """The quick answer searches on a grid: a cone is exceeded for sure only by this factor."""
 _SAMPLE = 5
 """A finger's own weight is computed at one of so many stations."""
-DETOUR_COST = 2
-"""A relocation by a detour counts as so many placements more: where arcs do, they are taken."""
 MOST_FAILED_DETOURS = 12
 """So many detours are looked for in vain while one goal is planned for; after that what is in the way of an arc is believed."""
 OVERLOAD = Refusal(RefusalKind.LOAD, words="the contacts cannot carry the load (friction)")
 
-Key = tuple[tuple[int, int, int], ...]
+
+class Where(NamedTuple):
+    """What decides a contact's posture: its orbit, where it landed (hence its spin), and how far it came."""
+
+    orbit: int
+    landed: int
+    steps: int
+
+    @classmethod
+    def of(cls, held: Held) -> Where:
+        """Return where a contact is."""
+        return cls(held.orbit, held.landed, held.steps)
 
 
-def where(held: Held) -> tuple[int, int, int]:
-    """Return what decides a contact's posture: its orbit, where it landed (hence its spin), and how far it came."""
-    return held.orbit, held.landed, held.steps
+Key = tuple[Where, ...]
 
 
 class StateChecks:
@@ -53,12 +62,8 @@ class StateChecks:
         self._together: dict[Key, Refusal | None] = {}
         self._loads: dict[Key, NDArray[np.int8]] = {}
         self._bias: dict[tuple[int, int], Array] = {}
-        self._arcs: dict[tuple[int, int, int], Array] = {}
-        self._ways: dict[tuple[tuple[int, int, int], Key, bool], Way] = {}
-        self._put_off: set[object] = set()
-        self._blocked: set[object] = set()
-        self.detours: dict[object, dict[int, Way]] = {}
-        """The detours that were found for whoever asked for them, by finger."""
+        self._arcs: dict[Where, Array] = {}
+        self._ways: dict[tuple[Where, Key, bool], Way] = {}
 
     @property
     def count(self) -> int:
@@ -173,46 +178,21 @@ class StateChecks:
             self._postures(held), self._table.leg.pose(done), tuple(h.finger for h in held)
         )
 
-    def clear_on_way(self, moving: Held, holding: tuple[Held, ...], done: int, asker: object) -> Nearness:
-        """Return what is nearest to what between a finger's home and its hover over a contact while ``holding`` hold.
+    def find_way(self, moving: Held, holding: tuple[Held, ...], done: int, looks_around: bool) -> Way:
+        """Return how a finger goes between its home and its hover over a contact while ``holding`` hold.
 
-        The rest of the way is along the normal.  At first the way is the arc; once ``asker`` has been put off it may be a detour.
+        The rest of the way is along the normal.  It is the arc, where that is clear or unless it ``looks_around``.
         """
-        looks_around = self.has_looked_around(asker)
-        way = self._find_way(moving, holding, done, looks_around)
-        if way.around:
-            self.detours.setdefault(asker, {})[moving.finger] = way
-        elif way.clearance < self._hand.limits.clearance:
-            ends = way.postures[[0, -1]]
-            if (
-                self._around(moving, holding, done).compute_way_clearance(ends)[0]
-                >= self._hand.limits.clearance
-            ):
-                self._blocked.add(asker)
-        return way.nearest
-
-    def put_off(self, asker: object) -> bool:
-        """Return whether ``asker`` was refused for what is in the way of an arc only; from now on its ways may be detours."""
-        may = asker in self._blocked
-        if may:
-            self._put_off.add(asker)
-        return may
-
-    def has_looked_around(self, asker: object) -> bool:
-        """Return whether ``asker``'s ways may be detours already."""
-        return asker in self._put_off
-
-    def _find_way(self, moving: Held, holding: tuple[Held, ...], done: int, looks_around: bool) -> Way:
-        key = where(moving), _key(holding), looks_around
+        key = Where.of(moving), _key(holding), looks_around
         if key not in self._ways:
             X_WO, finger = self._table.leg.pose(done), self._hand.fingers[moving.finger]
-            arc = self._arcs.get(where(moving))
+            arc = self._arcs.get(Where.of(moving))
             if arc is None:
                 placement = self._table.placement(moving, done)
                 hover = compute_hover(
                     finger, X_WO, placement.X_OF, placement.normal_O, placement.q, self._hand.hover
                 )
-                arc = self._arcs[where(moving)] = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
+                arc = self._arcs[Where.of(moving)] = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
             around = self._around(moving, holding, done)
             way = find_way(
                 around, arc, looks_around and self._admissibility.failed_detours < MOST_FAILED_DETOURS
@@ -222,6 +202,13 @@ class StateChecks:
             self._ways[key] = way
         return self._ways[key]
 
+    def may_go_around(self, way: Way, moving: Held, holding: tuple[Held, ...], done: int) -> bool:
+        """Return whether a way is not clear though its ends are: then there may be a detour."""
+        limit = self._hand.limits.clearance
+        if way.around or way.clearance >= limit:
+            return False
+        return self._around(moving, holding, done).compute_way_clearance(way.postures[[0, -1]])[0] >= limit
+
     def _around(self, moving: Held, holding: tuple[Held, ...], done: int) -> Surroundings:
         fingers = tuple(h.finger for h in holding)
         pose = self._table.leg.pose(done)
@@ -229,4 +216,4 @@ class StateChecks:
 
 
 def _key(held: tuple[Held, ...]) -> Key:
-    return tuple(sorted(where(h) for h in held))
+    return tuple(sorted(Where.of(h) for h in held))

@@ -17,37 +17,19 @@ from scipy.spatial import cKDTree
 from dexplan.planning.admissible.admissibility import FingerState, compute_finger_states
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
+from dexplan.planning.admissible.loads import compute_object_wrench
 from dexplan.planning.admissible.order import ORDER_GAP
-from dexplan.planning.admissible.separation import (
-    compute_opposition,
-    compute_pair_angle_max,
-    describe_separation,
-)
-from dexplan.planning.gait.candidates import Landings, find_landings
-from dexplan.planning.gait.held import Candidates, Held, Landfall, Landing
-from dexplan.planning.gait.legs import Leg
-from dexplan.planning.gait.orbits import Orbit, build_fixed_orbit, build_orbits
-from dexplan.planning.gait.stops import Stop, StopKind
-from dexplan.planning.regions.regions import compute_regions
-from dexplan.planning.regions.theorems import check_theorem_1
+from dexplan.planning.admissible.separation import compute_pair_angle_max, describe_separation
+from dexplan.planning.contacts.candidates import Landings, find_landings
+from dexplan.planning.contacts.held import Candidates, Held
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.orbits import Orbit, build_fixed_orbit, build_orbits
+from dexplan.planning.contacts.stops import Stop, StopKind
 from dexplan.plans.contacts import Placement
-from dexplan.plans.motion import STEP
-from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.spatial import Array, invert_pose
 
 NEAR = float(np.radians(6.0))
 """A contact this near to a landing place is about as good as that [rad]."""
-SPREAD = 6
-"""Placements tried per finger and partner."""
-ADVANCED = 2
-"""How many of these are chosen for how far the landing finger itself could go on."""
-LOOKED_AT = 40
-"""Placements whose loads are computed to choose these."""
-APART = float(np.cos(np.radians(8.0)))
-"""Placements nearer to one another than this count as the same one."""
-CARRIES = 4
-"""Samples of a carry at which a placement's load is computed."""
 
 
 @dataclass(eq=False)
@@ -196,25 +178,6 @@ class ContactTable:
         """Return whether two of the contacts are force closed with the believed friction."""
         return self.pair_angle(held) < self.beta_max
 
-    def check_theorem_1(self, held: tuple[Held, Held], done: int) -> Refusal | None:
-        """Return why no free finger can take part in a gait with the pair ``held`` at progress ``done``; None if one may.
-
-        The paper's Theorem 1, a necessary condition: some free finger can hold with one of the pair where it is.
-        """
-        i, j = held
-        X_WO = self.leg.pose(done)
-        regions = compute_regions(self.hand, X_WO, theta=self.beta_max)
-        x_i, x_j = (X_WO[:3, :3].T @ self.normal(h) for h in held)
-        refusal = None
-        for k in sorted(set(range(len(self.hand.fingers))) - {i.finger, j.finger}):
-            answer = check_theorem_1(regions, i.finger, j.finger, k, x_i, x_j)
-            if answer.is_met:
-                return None
-            if refusal is None:
-                subject = tuple(self.hand.fingers[f].name for f in (k, i.finger, j.finger))
-                refusal = Refusal(RefusalKind.THEOREM_1, subject, answer.margin, 0.0, words=answer.reason)
-        return refusal or Refusal(RefusalKind.NO_FREE_FINGER)
-
     @cached_property
     def _bases(self) -> list[int]:
         """The fingers in the order in which their bases stand around the vertical."""
@@ -251,99 +214,6 @@ class ContactTable:
         """Return whether contacts along ``normals`` (..., 3) in W may be made (...) when the leg has come to ``done``."""
         return self.hand.object.allows(normals @ self.leg.pose(done)[:3, :3])
 
-    def estimate(
-        self, first: Array, second: Array, stations: NDArray[np.intp]
-    ) -> tuple[NDArray[np.intp], Array]:
-        """Return for how many stations pairs with these normals (N, 3) carry the object, and their load at first (N,).
-
-        Looks at ``CARRIES`` samples of the ``stations`` (N,) asked for.
-        """
-        share = np.linspace(0.0, 1.0, CARRIES)
-        if self.leg.is_shift:  # nothing turns
-            loads = compute_pair_loads(self.hand, first, second, self.wrench).utilisation[None]
-        else:
-            # Both contacts at every sample, all in one go.
-            turn = (self.leg.sense * STEP * share[:, None] * stations).ravel()
-            a, b = (_turn(self.leg.axis_W, turn, np.tile(n, (CARRIES, 1))) for n in (first, second))
-            loads = compute_pair_loads(self.hand, a, b, self.wrench).utilisation.reshape(CARRIES, -1)
-        holds = loads <= self.hand.limits.cone_share
-        last = np.where(holds.all(0), CARRIES, holds.argmin(0)) - 1
-        carried = np.where(last < 0, -1, np.floor(share[np.maximum(last, 0)] * stations))
-        return carried.astype(np.intp), loads[0]
-
-    def landings(self, asked: list[Landfall]) -> list[list[Landing]]:
-        """Return for each of ``asked`` the most promising places to land that hold with the finger kept and clear all others."""
-        surveys = [self._survey(one) for one in asked]
-        counts = [len(near) for near, _ in surveys]
-        if not sum(counts):
-            return [[] for _ in asked]
-        kept = np.repeat([self.normal(one.keep) for one in asked], counts, axis=0)
-        landed = np.concatenate(
-            [self.candidates[one.finger].normals[near] for one, (near, _) in zip(asked, surveys, strict=True)]
-        )
-        stations = np.concatenate([promise for _, promise in surveys])
-        # A finger that only stands in, or gets ready, need not carry the object anywhere yet.
-        still = np.repeat([one.purpose != "carry" for one in asked], counts)
-        lasting, load = self.estimate(kept, landed, np.where(still, 0, stations))
-        lasting = np.where(still & (lasting >= 0), stations, lasting).astype(np.intp)
-        chosen, first = [], 0
-        for one, (near, _), count in zip(asked, surveys, counts, strict=True):
-            part = slice(first, first + count)
-            chosen.append(self._choose(one, near, lasting[part], load[part]))
-            first += count
-        return chosen
-
-    def _survey(self, one: Landfall) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the rows of candidates worth a look, by geometry alone, and for how many stations they might carry."""
-        finger, rows, nothing = one.finger, self.candidates[one.finger], np.zeros(0, dtype=np.intp)
-        if not len(rows.orbit):
-            return nothing, nothing
-        cosine = rows.normals @ -self.normal(one.keep)
-        ok = cosine > compute_opposition(self.beta_max)
-        if self.hand.object.allowed_regions:
-            ok &= self.allows(rows.normals, one.done)
-        if self.leg.is_shift:
-            ok &= rows.station == one.done
-        promise = np.minimum(np.minimum(rows.carry, one.keep.left), self.stations - one.done)
-        if one.purpose == "carry":
-            ok &= promise > 0
-        found = np.flatnonzero(ok)
-        if not len(found):
-            return nothing, nothing
-        normals = rows.normals[found]
-        held = {h.finger: self.normal(h) for h in one.held}
-        fits = self.keep_order({**held, finger: normals}) & self.are_apart(finger, normals, held)
-        found = found[fits]
-        if not len(found):
-            return nothing, nothing
-        beta = 0.5 * np.arccos(np.clip(cosine[found], -1.0, 1.0)) / self.beta_max
-        gain = self._gain(one, promise[found], rows.carry[found], 0.1)
-        score = gain / max(1.0, gain.max()) - 0.4 * beta
-        near = found[self._spread(rows.normals[found], score, LOOKED_AT)]
-        return near, promise[near]
-
-    def _gain(self, one: Landfall, lasting: NDArray[np.intp], carry: NDArray[np.intp], share: float) -> Array:
-        """Return what landings are worth (N,): how long the pair lasts, and how long the finger itself could go on."""
-        if one.purpose == "stand_in":
-            return np.zeros(len(carry))
-        own = np.minimum(carry, self.stations - one.done)
-        # The finger kept may soon be used up; what the other then has left serves the next grasp.
-        return own.astype(np.float64) if one.purpose == "advance" else lasting + share * own
-
-    def _choose(
-        self, one: Landfall, near: NDArray[np.intp], lasting: NDArray[np.intp], load: Array
-    ) -> list[Landing]:
-        """Return the best of the rows ``near``, which carry for ``lasting`` stations (-1: not at all) with ``load``."""
-        rows = self.candidates[one.finger]
-        best: list[int] = []
-        # Most for how long the pair lasts; some for how far the finger itself could go, as the other may soon be used up.
-        for share, count in ((0.0, SPREAD - ADVANCED), (1.0, SPREAD)):
-            gain = self._gain(one, lasting, rows.carry[near], share)
-            score = gain / max(1.0, gain.max(initial=1.0)) - 0.5 * load
-            order = [int(k) for k in np.argsort(-score, kind="stable") if lasting[k] >= 0 and k not in best]
-            best += order[: count - len(best)]
-        return [Landing(rows.pick(one.finger, int(near[k])), int(lasting[k]), float(load[k])) for k in best]
-
     def are_apart(self, finger: int, normals: Array, held: dict[int, Array]) -> NDArray[np.bool_]:
         """Return whether the finger's tip at contacts along ``normals`` (N, 3) keeps clear of the tips of those ``held`` (N,)."""
         tips, apart = self._tip(finger, normals), np.ones(len(normals), dtype=bool)
@@ -356,23 +226,3 @@ class ContactTable:
     def _tip(self, finger: int, normals: Array) -> Array:
         radius = self.hand.fingers[finger].tip_radius
         return self.hand.object.surface.radial(normals) + radius * normals
-
-    @staticmethod
-    def _spread(normals: Array, score: Array, count: int) -> list[int]:
-        """Return up to ``count`` rows of ``normals`` (N, 3), best ``score`` (N,) first, none too near another."""
-        chosen: list[int] = []
-        free = np.ones(len(normals), dtype=bool)
-        for row in np.argsort(-score, kind="stable"):
-            if free[row]:
-                chosen.append(int(row))
-                if len(chosen) == count:
-                    break
-                free &= normals @ normals[row] <= APART
-        return chosen
-
-
-def _turn(axis: Array, angle: Array, vectors: Array) -> Array:
-    """Return ``vectors`` (N, 3) turned about the unit ``axis`` (3,) by ``angle`` (N,) [rad] (Rodrigues' formula)."""
-    along = vectors @ axis
-    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    return vectors * cosine + np.cross(axis, vectors) * sine + (along * (1.0 - cosine[:, 0]))[:, None] * axis

@@ -9,6 +9,7 @@ to rotation], one table serves all contacts on a circle at all times.  The orbit
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,8 @@ from dexplan.kinematics.chain import Chain, wrap_near
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_near, solve_tip_pose
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import list_others, remember_clearances
-from dexplan.planning.gait.legs import Leg
-from dexplan.planning.gait.stops import LAST_JOINT, SINGULAR, WORKSPACE_END, Stop, StopKind
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.stops import LAST_JOINT, SINGULAR, WORKSPACE_END, Stop, StopKind
 from dexplan.spatial import Array, lock_arrays, make_pose, read_only
 
 _JUMP = 0.30
@@ -61,6 +62,32 @@ class Orbit:
         q[1:, -1] = q[0, -1] + np.cumsum(step - 2.0 * np.pi * np.round(step / (2.0 * np.pi)))
         q[:, -1] += chain.roll_sign * self.spin[landed]
         return q
+
+
+class _Postures(NamedTuple):
+    """Postures (M, K, J) of contacts at stations, at which they are ``ok`` (M, K), and ``why`` not where they are not."""
+
+    q: Array
+    ok: NDArray[np.bool_]
+    why: list[list[Stop]]
+
+
+class _Runs(NamedTuple):
+    """Per station (K,): how far a contact is carried from there, the landing spin that centres the tip's roll over that run, and
+    what ends it, or why there is none.
+    """
+
+    carry: NDArray[np.intp]
+    spin: Array
+    limit: tuple[Stop, ...]
+
+
+class _Windows(NamedTuple):
+    """Per entry (N,): how many from there on stay together, and the least and greatest value among these."""
+
+    many: NDArray[np.intp]
+    low: Array
+    high: Array
 
 
 def build_orbits(
@@ -152,8 +179,8 @@ def _solve(
     X_WF: Array,
     stands: Array | None = None,
     sight: float = np.pi,
-) -> tuple[Array, NDArray[np.bool_], list[list[Stop]]]:
-    """Return postures (M, K, J), which stations the finger can hold (M, K), and why not where it cannot.
+) -> _Postures:
+    """Return the postures of contacts at all stations.
 
     ``stands`` (J,): the finger is there already, in this posture, so that it stays on this branch and sees only this leg.
     """
@@ -201,7 +228,7 @@ def _solve(
             reason[ok], ok[ok] = ends, ~blocked
         else:
             _look_around(hand, finger, leg, q, ok, reason, _LOOK if stands is None else 1)
-    return q, ok, [list(row) for row in reason]
+    return _Postures(q, ok, [list(row) for row in reason])
 
 
 def _look_around(
@@ -235,17 +262,15 @@ def _look_around(
 
 def _measure_runs(
     hand: HandModel, finger: int, leg: Leg, q: Array, ok: NDArray[np.bool_], why: list[Stop]
-) -> tuple[NDArray[np.intp], Array, tuple[Stop, ...]]:
-    """Return carry (K,), the landing spin (K,) that centres the tip's roll over the run, and what ends each run, or why there is
-    none.
-    """
+) -> _Runs:
+    """Return the runs of one contact with the postures ``q`` (K, J); where they are not ``ok`` (K,), ``why`` says so."""
     chain, count = hand.fingers[finger].chain, len(q)
     room = measure_roll_room(chain, hand.limits.joint_margin)
     middle = 0.5 * float(chain.upper[-1] + chain.lower[-1])
     rolls, sign = chain.has_tip_roll, chain.roll_sign
     carry, spin, limit = np.zeros(count, dtype=np.intp), np.zeros(count), list(why)
     if not ok.any():
-        return carry, read_only(spin), tuple(limit)
+        return _Runs(carry, read_only(spin), tuple(limit))
     # Twice around in the order in which stations are passed; a shift is passed once.
     order = np.arange(count) if leg.is_shift else leg.sense * np.arange(2 * count) % count
     step = np.diff(q[order], axis=0)
@@ -274,7 +299,7 @@ def _measure_runs(
                 centred = 0.5 * (low + high) - value[begun]
                 spin[here] = sign * (middle - q[here, -1] - centred)
         first = last + 1
-    return carry, read_only(spin), tuple(limit)
+    return _Runs(carry, read_only(spin), tuple(limit))
 
 
 def measure_roll_room(chain: Chain, margin: float) -> float:
@@ -283,16 +308,12 @@ def measure_roll_room(chain: Chain, margin: float) -> float:
     return room if room > 1e-9 else -1.0
 
 
-def _measure_windows(
-    value: Array, starts: int, room: float, longest: int
-) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return for each of the first ``starts`` entries of ``value`` how many from there on, at most ``longest``, stay within
-    ``room`` of one another, and the least and greatest of them (starts,).
-    """
+def _measure_windows(value: Array, starts: int, room: float, longest: int) -> _Windows:
+    """Return the windows of the first ``starts`` entries: at most ``longest`` entries within ``room`` of one another."""
     if len(value) <= longest and np.ptp(value) <= room:  # all that follow do
         low = np.minimum.accumulate(value[::-1])[::-1]
         high = np.maximum.accumulate(value[::-1])[::-1]
-        return np.arange(len(value), len(value) - starts, -1), low[:starts], high[:starts]
+        return _Windows(np.arange(len(value), len(value) - starts, -1), low[:starts], high[:starts])
     many, low, high = np.zeros(starts, dtype=np.intp), np.zeros(starts), np.zeros(starts)
     for j in range(starts):
         ahead = value[j : j + longest]
@@ -300,4 +321,4 @@ def _measure_windows(
         fits = most - least <= room
         many[j] = len(ahead) if fits.all() else int(fits.argmin())
         low[j], high[j] = least[many[j] - 1], most[many[j] - 1]
-    return many, low, high
+    return _Windows(many, low, high)

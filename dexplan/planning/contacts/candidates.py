@@ -16,9 +16,9 @@ from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import remember_clearances
-from dexplan.planning.gait.held import Candidates
-from dexplan.planning.gait.legs import Leg
-from dexplan.planning.gait.orbits import Orbit, build_orbits
+from dexplan.planning.contacts.held import Candidates
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.orbits import Orbit, build_orbits
 from dexplan.spatial import Array, build_frame, make_pose
 
 POLAR_SPACING = float(np.radians(7.0))

@@ -1,4 +1,4 @@
-"""Contacts as the search knows them, and where fingers may land."""
+"""Contacts on orbits as a search hands them on, and where on them fingers may land."""
 
 from __future__ import annotations
 
@@ -40,27 +40,3 @@ class Candidates:
     def pick(self, finger: int, row: int) -> Held:
         """Return the contact of one row."""
         return Held(finger, int(self.orbit[row]), int(self.station[row]), 0, int(self.carry[row]))
-
-
-@dataclass(frozen=True)
-class Landing:
-    """A place to land: the contact, for how many stations the pair it makes then carries, and the share of the cone in use."""
-
-    held: Held
-    promise: int
-    load: float
-
-
-@dataclass(frozen=True)
-class Landfall:
-    """A question: where can the free ``finger`` land to hold with ``keep``, while ``held`` hold, at progress ``done``?
-
-    What counts is told by ``purpose``: "carry": the pair can take the object far; "advance": the finger itself could;
-    "stand_in": the pair holds well where it is.
-    """
-
-    finger: int
-    keep: Held
-    held: tuple[Held, ...]
-    done: int
-    purpose: str = "carry"
