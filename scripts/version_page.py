@@ -24,8 +24,9 @@ HEADINGS = {
 LEAD = """# dexplan on releases of MuJoCo
 
 The same contacts, problems and tests on each release, written by `scripts/versions`; all other packages are those of
-`constraints.txt`.  `pyproject.toml` asks for the releases that are here without a failure; CI installs {home}.  A release before
-{home} cannot run what uses `mujoco.batch`; measuring contacts and verdicts (`dexplan.testing`) does not.
+`constraints.txt`.  `pyproject.toml` asks for the releases that are here without a failure; CI installs {home} and runs all
+tests on it.  A release before {home} cannot run what uses `mujoco.batch`; measuring contacts and verdicts
+(`dexplan.testing`) does not.
 
 A contact row says which verdicts changed, and the largest drift of any quantity from its baseline of MuJoCo {home}, with the
 share of what its tolerance allows (above 1 would fail on {home} itself; on another release it informs).
