@@ -129,7 +129,6 @@ def _escape(text: str) -> str:
 def describe_problem() -> str:
     """Return a table per table of a problem file: every key with its default, what it accepts and what it means."""
     from dexplan.problems.meanings import TABLES as ABOUT
-
     from dexplan.problems.sections import FORMAT, GoalSection, ProblemFields
 
     defaults = ProblemFields(name="", goal=GoalSection()).as_dict()
@@ -199,7 +198,6 @@ _THREE = "three numbers [x, y, z]"
 def describe_limits() -> str:
     """Return a table of the limits of ``[acceptance]``."""
     from dexplan.problems.meanings import describe_meaning
-
     from dexplan.problems.rules import load_limits
     from dexplan.sim.judge.limits import INTEGRITY
 
@@ -213,9 +211,8 @@ def describe_limits() -> str:
 
 def describe_checks() -> str:
     """Return a table of the judge's checks for each of their groups."""
-    from dexplan.viz.check_words import GROUP_QUESTIONS, describe_check
-
     from dexplan.sim.judge.groups import GROUPS
+    from dexplan.viz.check_words import GROUP_QUESTIONS, describe_check
 
     parts = []
     for group, checks in GROUPS.items():
