@@ -45,8 +45,8 @@ RELAXED_PER_TICK = 0.2
 """Share of the way to the measured pose that a carried one goes in a tick at most.
 
 Where a command begins it pulls tips ahead, and they are measured just then; what is followed of that adds up while the object
-turns.  A contact carried through 92 degrees moved by 0.27 degrees on the ball at 250 Hz and 0.2, at 125 Hz by 0.80 with 0.4 and
-by 0.36 with 0.2."""
+turns.  A contact carried through 92 degrees moved on the ball by 0.27 degrees at 250 Hz with 0.2, at 125 Hz by 0.80 with 0.4
+and by 0.36 with 0.2."""
 CORRECTION_LIMIT = (1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03)
 """The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
 

@@ -21,8 +21,7 @@ JOINT_STEP = 0.024
 """How far a joint of a free finger may turn in a tick [rad].
 
 Pulled ahead by half of that (see ``TWIST``), a servo of 40 N m/rad gives 0.48 N m, a third of what it can; gravity and the way's
-acceleration need the rest.  At 125 Hz and 6 rad/s, twice as far, servos gave 0.93 to 1.0 of their torque, 0.8 being allowed, and
-a finger that they held no longer landed 0.25 mm beside its region."""
+acceleration need the rest.  At 125 Hz and 6 rad/s, twice as far, servos gave 0.93 to 1.0 of their torque; 0.8 is allowed."""
 
 
 def limit_joint_speed(speed: float, rate: float) -> float:
