@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 from dexplan.moved import keep_old_names
 
 if TYPE_CHECKING:
-    from dexplan.pipeline import plan, render, rollout, validate
+    from dexplan.control.foreign import RunStart
+    from dexplan.control.observation import Observation
+    from dexplan.pipeline import inspect, load_run, plan, render, rollout, save_run, validate
     from dexplan.plans.plan import Plan
     from dexplan.problems.problem import Problem
-    from dexplan.problems.read import load_problem
+    from dexplan.problems.read import build_problem, load_problem
     from dexplan.scene.library import load_scene
     from dexplan.sim.judge.validate import ValidationReport
     from dexplan.sim.trace import Trace
@@ -23,29 +25,41 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "Observation",
     "Plan",
     "Problem",
+    "RunStart",
     "Trace",
     "ValidationReport",
     "__version__",
+    "build_problem",
+    "inspect",
     "load_problem",
+    "load_run",
     "load_scene",
     "plan",
     "render",
     "rollout",
+    "save_run",
     "validate",
 ]
 
 _HOMES = {
+    "Observation": "dexplan.control.observation",
+    "RunStart": "dexplan.control.foreign",
     "Plan": "dexplan.plans.plan",
     "Problem": "dexplan.problems.problem",
     "Trace": "dexplan.sim.trace",
     "ValidationReport": "dexplan.sim.judge.validate",
+    "build_problem": "dexplan.problems.read",
+    "inspect": "dexplan.pipeline",
     "load_problem": "dexplan.problems.read",
+    "load_run": "dexplan.pipeline",
     "load_scene": "dexplan.scene.library",
     "plan": "dexplan.pipeline",
     "render": "dexplan.pipeline",
     "rollout": "dexplan.pipeline",
+    "save_run": "dexplan.pipeline",
     "validate": "dexplan.pipeline",
 }
 

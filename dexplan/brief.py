@@ -41,6 +41,8 @@ def show(name: str, facts: Iterable[tuple[str, object]]) -> str:
 def shorten(value: object) -> str:
     """Return a value as a few characters: small ones as they are, others by kind and size."""
     if isinstance(value, np.ndarray):
+        if value.ndim == 0:
+            return shorten(value[()])
         if value.ndim == 1 and value.size <= FEW and value.dtype.kind in "fiub":
             return "[" + ", ".join(f"{x:.4g}" for x in value) + "]"
         return f"array{value.shape}".replace(",)", ")")

@@ -55,6 +55,18 @@ class SceneError(DexplanError):
         super().__init__(f"{source}: {' '.join(fact.split())}; {accepted}")
 
 
+class ControllerError(DexplanError):
+    """A user's controller cannot be used: names it, when it happened, what was wrong, and what would be accepted.
+
+    What was recorded until then is the attribute ``trace``, where there is any.
+    """
+
+    def __init__(self, name: str, fact: str, accepted: str, time: float | None = None) -> None:
+        moment = "" if time is None else f" at {time:.3f} s"
+        super().__init__(f"controller {name}: {' '.join(fact.split())}{moment}; {accepted}")
+        self.name, self.time = name, time
+
+
 class OutputError(DexplanError):
     """The operating system does not let the output be written: a full disk, a missing right."""
 

@@ -3,152 +3,67 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+import logging
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from dexplan.contact.friction import SoftFinger
-from dexplan.control.options import RATE, ControlOptions, compute_torque_fraction
-from dexplan.control.rate import choose_rate, limit_joint_speed
+from dexplan.builders import (  # noqa: F401 - callers find them all here
+    build_allowed_regions,
+    build_friction,
+    build_hand,
+    build_improvement,
+    build_limits,
+    build_margin_limits,
+    build_options,
+    build_scene,
+    build_squeeze,
+    build_timing,
+)
+from dexplan.control.foreign import ForeignController
+from dexplan.control.options import ControlOptions
 from dexplan.control.reference import build_reference
 from dexplan.errors import DexplanError, RunFolderError
-from dexplan.kinematics.workspace import load_workspace
 from dexplan.planning.actions import schedule
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.admissible.limits import AdmissibleLimits
-from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
-from dexplan.planning.gait.cost import CostWeights, Improvement
+from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.blocked import find_obstruction
 from dexplan.planning.tasks.dextrous_manipulation import plan_dextrous_manipulation
 from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
 from dexplan.planning.tasks.object_manipulation import refuse
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
-from dexplan.plans.forces import NormalForces
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan
 from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
-from dexplan.run_folder import save_problem, write_whole
-from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
-from dexplan.scene.library import load_scene_with
-from dexplan.scene.penetration import compute_force_at
-from dexplan.scene.probe import HandProbe
+from dexplan.problems.true_world import check_world, read_recorded_world
+from dexplan.run_folder import RUN_FILES, check_replaceable, save_problem, write_whole
 from dexplan.scene.scene import Scene
+from dexplan.sim.judge.true_world import join_world
 from dexplan.sim.judge.validate import ValidationReport, validate_run
 from dexplan.sim.judge.world import read_world
 from dexplan.sim.record import rollout as _rollout
+from dexplan.sim.record.keyframes import name_states
 from dexplan.sim.trace import Trace, check_replayable
 from dexplan.spatial import Array, as_pose
-from dexplan.viz.timeline import build_captions
+from dexplan.viz.film import CAMERAS, FPS, SIZE, Film, FilmOptions
+from dexplan.viz.story import build_captions
 
-
-def build_scene(problem: Problem) -> Scene:
-    """Return the scene of ``problem``."""
-    return load_scene_with(
-        SceneParameters(
-            scene=problem.scene,
-            object_radius=problem.object.radius_m,
-            object_mass=problem.object.mass_kg,
-            tip_radii=problem.hand.tip_radii_m,
-            base_azimuths_deg=problem.hand.base_azimuths_deg,
-            joint_ranges_deg=tuple(
-                (key, *limits) for key, limits in sorted(problem.hand.joint_ranges_deg.items())
-            ),
-            sliding_friction=problem.friction.sliding,
-            torsional_friction=problem.friction.torsional_m,
-            physics_profile=problem.control.physics_profile,
-            obstacles=tuple(Obstacle(o.kind, o.pos_m, o.size_m) for o in problem.obstacles),
-        )
-    )
-
-
-def build_hand(problem: Problem, scene: Scene) -> HandModel:
-    """Return what the planner may know of ``scene``, with the friction that ``problem`` believes in."""
-    center = scene.object.X_WO_home[:3, 3]
-    timing, squeeze = build_timing(problem), build_squeeze(problem, scene)
-    return HandModel(
-        fingers=scene.fingers,
-        object=replace(scene.object, allowed_regions=build_allowed_regions(problem)),
-        workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
-        friction=build_friction(problem).scaled(squeeze.friction_share),
-        probe=HandProbe(scene),
-        limits=build_limits(problem, squeeze),
-        normal_force=squeeze.normal,
-        hover=timing.touchdown.hover,
-        acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
-        tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
-        tip_rotation_limit=float(np.radians(problem.hand.tip_rotation_limit_deg)),
-    )
-
-
-def build_friction(problem: Problem) -> SoftFinger:
-    """Return the friction that ``problem`` believes in."""
-    return SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
-
-
-def build_squeeze(problem: Problem, scene: Scene) -> Squeeze:
-    """Return how hard the fingers of ``scene`` squeeze the object of ``problem``."""
-    friction = build_friction(problem)
-    bearable, greatest = (compute_force_at(scene, depth) for depth in (DEPTH, DEPTH_CEILING))
-    asked = problem.forces
-    forces = NormalForces(asked.normal_N, asked.normal_floor_N, asked.normal_ceiling_N)
-    return choose_squeeze(scene.object.mass, friction, bearable, greatest, forces)
-
-
-def build_limits(problem: Problem, squeeze: Squeeze) -> AdmissibleLimits:
-    """Return what states must leave to spare: the margins that ``problem`` asks for, and the normal forces of its squeeze."""
-    margins = problem.margins
-    joint = float(np.radians(margins.joint_deg))
-    return AdmissibleLimits(
-        joint_margin=joint,
-        # A free finger ends its way where it is to hold, so it cannot be asked for more than holding fingers are.
-        travel_margin=min(AdmissibleLimits.travel_margin, joint),
-        cone_share=margins.cone_share,
-        torque_share=margins.torque_share,
-        clearance=1e-3 * margins.clearance_mm,
-        normal_floor=squeeze.floor,
-        normal_ceiling=squeeze.ceiling,
-    )
-
-
-def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
-    """Return the parts of the object that contacts may use; none means all of it."""
-    return tuple(
-        ContactCone(np.array(region.axis), float(np.radians(region.half_angle_deg)))
-        for region in problem.object.allowed_regions
-    )
-
-
-def build_timing(problem: Problem) -> Timing:
-    """Return the timing that the problem's speed and control rate ask for."""
-    timing, asked = (
-        Timing(object_speed=float(np.radians(problem.control.speed_deg_s))),
-        problem.control.rate_hz,
-    )
-    # A rate that is chosen is never below RATE.
-    rate = RATE if asked == "auto" else float(asked)
-    return replace(timing, joint_speed=limit_joint_speed(timing.joint_speed, rate))
-
-
-def build_improvement(problem: Problem) -> Improvement:
-    """Return how long better plans are looked for, and what makes one better."""
-    weights = problem.gait.weights
-    return Improvement(
-        problem.gait.improvement,
-        CostWeights(weights.placement, weights.turn, weights.load, weights.clearance),
-    )
+_LOG = logging.getLogger(__name__)
 
 
 def plan(problem: Problem) -> Plan:
     """Return a plan for ``problem``; "no plan" is a status with its reason, not an exception."""
     scene = build_scene(problem)
-    return time_plan(problem, _find_plan(problem, scene, build_hand(problem, scene)))
+    hand = build_hand(problem, scene)
+    _LOG.info("looking for a plan")
+    return time_plan(problem, _find_plan(problem, scene, hand))
 
 
 def time_plan(problem: Problem, plan: Plan, timing: Timing | None = None) -> Plan:
@@ -182,25 +97,23 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
     if no := find_obstruction(hand, waiting):
         return replace(refuse(hand, goal, no.status, no.reason, no.refusal), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
+    options = SearchOptions(*means, build_improvement(problem))
     if asked.contacts_deg is None and not problem.gait.primitives:
         return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
     if asked.contacts_deg is None:
-        return plan_object_manipulation(hand, goal, start, *means, build_improvement(problem))
+        return plan_object_manipulation(hand, goal, start, *means, options.improvement)
     wanted = compute_contact_directions(asked.contacts_deg)
     if asked.kind == "grasp_adjustment":
-        return plan_grasp_adjustment(
-            hand, X_WO, start, wanted, *means, asked.keep_object, build_improvement(problem)
-        )
+        return plan_grasp_adjustment(hand, X_WO, start, wanted, options, asked.keep_object)
     timing = build_timing(problem)
     return plan_dextrous_manipulation(
         hand,
         goal,
         start,
         wanted,
-        *means,
+        options,
         order=asked.order,
         compute_duration=lambda found: schedule.time_plan(found, scene.fingers, timing).duration,
-        improvement=build_improvement(problem),
     )
 
 
@@ -208,18 +121,33 @@ def rollout(
     problem: Problem,
     plan: Plan,
     *,
-    seed: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    options: ControlOptions | None = None,
-    true_scene: Scene | None = None,
+    controller: ForeignController | None = None,
+    world: Problem | None = None,
     X_WO_start: Array | None = None,
+    options: ControlOptions | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Trace:
     """Run ``plan`` in MuJoCo, closed loop; a failure still returns the trace so far.
 
-    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
+    Args:
+        problem: what planner and controller believe.
+        plan: a plan with actions and durations; one that only holds the object will do.
+        controller: takes the place of dexplan's own: a function ``step(observation) -> ctrl``, or an object with that method and,
+            where it wants one, ``reset(start)``; see :mod:`dexplan.control.foreign`.
+        world: a problem with the true friction, mass and sizes, which nobody is told (None: those of ``problem``).
+        X_WO_start: (4, 4) the object's true pose at the start (None: its home).
+        options: replace those of dexplan's own controller (ablations); another one is asked at their rate.
+        progress: called with the share done.
 
-    ``options`` replaces the controller's (ablations); ``true_scene`` and ``X_WO_start`` let the world differ from what planner
-    and controller believe (uncertainty).  Raises DexplanError for a plan without actions, or without durations.
+    Returns:
+        The run.  ``world`` and the name of a ``controller`` stand in its ``meta``.
+
+    Raises:
+        DexplanError: The plan has no actions, or no durations.
+        ControllerError: ``controller`` is none, raised something, or answered what is no control.
+        ProblemError: ``world`` differs from ``problem`` in more than the world's parameters.
+
+    An exception that cuts the run short, Ctrl-C included, carries what was recorded as its attribute ``trace``.
     """
     if not plan.actions:
         raise DexplanError(
@@ -231,95 +159,133 @@ def rollout(
             "plan again: `dexplan plan` and `dexplan run` write format 2"
         )
     scene = build_scene(problem)
-    reference = build_reference(plan)
-    return _rollout.rollout(
+    true_scene = None if world is None else build_scene(world)
+    trace = _rollout.rollout(
         scene,
-        reference,
+        build_reference(plan),
         options or build_options(problem),
-        world=true_scene or scene,
-        X_WO_start=X_WO_start,
+        controller=controller,
+        truth=_rollout.Truth(true_scene, X_WO_start),
         meta={
             "problem": problem.name,
-            "seed": problem.seed if seed is None else seed,
+            "seed": problem.seed,
             "captions": build_captions(plan),
-            **as_run.describe_run(problem, plan.as_dict()),
+            **as_run.describe_run(problem, plan.as_dict(), world),
         },
         progress=progress,
     )
-
-
-def build_options(problem: Problem, **changes: Any) -> ControlOptions:
-    """Return the controller's options for ``problem``, with ``changes`` of single fields."""
-    scene = build_scene(problem)
-    squeeze = build_squeeze(problem, scene)
-    friction = build_friction(problem).scaled(squeeze.friction_share)
-    room = squeeze.normal * (problem.friction.torsional_m - friction.torsional)
-    asked = problem.control.rate_hz
-    rate = choose_rate(room, scene.model.opt.timestep) if asked == "auto" else float(asked)
-    options = ControlOptions(
-        friction.sliding,
-        friction.torsional,
-        torque_fraction=compute_torque_fraction(problem.margins.torque_share),
-        force_solver=problem.control.force_solver,
-        rate=rate,
-    )
-    return replace(options, **changes)
+    return name_states(trace, plan, true_scene or scene)
 
 
 def validate(
-    problem: Problem, plan: Plan, trace: Trace, *, groups: Iterable[str] | None = None
+    problem: Problem,
+    plan: Plan,
+    trace: Trace,
+    *,
+    world: Problem | None = None,
+    groups: Iterable[str] | None = None,
 ) -> ValidationReport:
     """Judge a run by replaying it; uses problem and plan as data only.
 
+    ``world`` is the problem with the true parameters that the run was made with, where those are not what ``problem`` believes.
     ``groups`` names the groups of checks to judge, of "physics", "task", "contacts", "forces", "internals" (None: all); the
-    verdict line tells which.  Raises RunFolderError for a trace that is none, UnknownNameError for no group.
+    verdict line tells which.  Of a run by another controller than dexplan's own the internals are "not recorded".
+
+    Raises RunFolderError for a trace that is none, UnknownNameError for no group, ProblemError for a ``world`` that differs in
+    more than the world's parameters, and for ``groups`` of which nothing is recorded.
     """
     check_replayable(trace, "the trace")
-    return validate_run(problem.as_dict(), plan.as_dict(), trace, groups=groups)
+    if world is not None:
+        check_world(problem, world)
+    true = None if world is None else world.as_dict()
+    return validate_run(problem.as_dict(), plan.as_dict(), trace, groups=groups, world=true)
 
 
-def render(trace: Trace, path: str | Path, plan: Plan | None = None) -> None:
-    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``.
+def validate_as_recorded(problem: Problem, plan: Plan, trace: Trace) -> ValidationReport:
+    """Judge a saved run, with the true world that its record names; the report says in what that differs from ``problem``."""
+    check_replayable(trace, "the trace")
+    world = read_recorded_world(problem, trace.meta)
+    return validate_run(problem.as_dict(), plan.as_dict(), trace, world=world)
 
-    The trace carries its captions; ``plan`` adds marks where the goal's contacts are.  Raises RenderError where no renderer can
-    be started, and for any other suffix.
+
+def render(
+    trace: Trace,
+    path: str | Path,
+    plan: Plan | None = None,
+    *,
+    cameras: Sequence[str] = CAMERAS,
+    size: tuple[int, int] = SIZE,
+    fps: float = FPS,
+    quality: str = "normal",
+) -> Film:
+    """Film a trace offscreen, in a process of its own, into a ``.mp4`` or ``.gif``; return the film, which a notebook shows.
+
+    The trace carries its words; a ``plan`` tells them anew.  ``cameras``: one or two, side by side, of ``overview``,
+    ``closeup``, ``top``, ``side``; ``size``: width and height [pixels]; ``quality``: ``draft``, ``normal`` or ``fine``.
+    Raises RenderError where no renderer can be started, and for any other suffix; FilmOptionError for options that make no film.
     """
     from dexplan.viz.video import render_video
 
-    render_video(trace, plan, Path(path))
+    return render_video(trace, plan, Path(path), FilmOptions(size, tuple(cameras), fps, quality))
 
 
-def render_run(folder: str | Path) -> None:
-    """Film a saved run: writes ``video.mp4`` into its folder."""
+def render_run(
+    folder: str | Path,
+    path: str | Path | None = None,
+    options: FilmOptions | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Film:
+    """Film a saved run into its ``video.mp4``, or into ``path``; return the film."""
     from dexplan.viz.video import render_run as film
 
-    film(Path(folder))
+    return film(Path(folder), options, path=path, progress=progress)
 
 
 def save_run(
-    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
-) -> None:
-    """Write the run folder: problem, plan, model, trace, report and the summary figure."""
+    folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport | None = None
+) -> Path:
+    """Write the run folder: problem, plan, model, trace, and with a report this and the summary figure.  Returns the folder.
+
+    What an older run left there is replaced.  Raises RunFolderError, before anything is written, where a file in the way was made
+    by no run.
+    """
     folder = Path(folder)
+    for name in RUN_FILES:
+        check_replaceable(folder / name)
     folder.mkdir(parents=True, exist_ok=True)
     save_problem(problem, folder / "problem.toml")
     plan.save(folder / "plan.json")
     write_whole(folder / "model.xml", trace.model_xml)
     trace.save(folder / "trace.npz")
+    if report is None:
+        # A report and a figure of an older run would speak of this one.
+        for name in ("report.json", "summary.png"):
+            (folder / name).unlink(missing_ok=True)
+        return folder
     report.save(folder / "report.json")
     draw_run(folder, problem, plan, trace, report)
+    return folder
 
 
 def draw_run(
     folder: str | Path, problem: Problem, plan: Plan, trace: Trace, report: ValidationReport
 ) -> None:
-    """Draw the summary figure of a run into its folder."""
+    """Draw the summary figure of a run into its folder, with the friction that was true."""
     from dexplan.viz.figure import draw_summary
 
-    draw_summary(problem.as_dict(), plan, trace, report, Path(folder) / "summary.png")
+    true = join_world(problem.as_dict(), read_recorded_world(problem, trace.meta))
+    draw_summary(true, plan, trace, report, Path(folder) / "summary.png")
 
 
-def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
+class SavedRun(NamedTuple):
+    """What a run folder holds; ``validate(*run)`` judges it again."""
+
+    problem: Problem
+    plan: Plan
+    trace: Trace
+
+
+def load_run(folder: str | Path) -> SavedRun:
     """Return the problem, plan and trace of a run folder.  Raises RunFolderError for anything else.
 
     What the files say against each other goes with the trace, for the judge: a folder that cannot be read is refused, a
@@ -337,7 +303,7 @@ def load_run(folder: str | Path) -> tuple[Problem, Plan, Trace]:
     if model_xml != trace.model_xml:
         read_world(model_xml)
         found.append("model.xml and the model in trace.npz are not the same text")
-    return problem, plan, replace(trace, contradictions=tuple(found))
+    return SavedRun(problem, plan, replace(trace, contradictions=tuple(found)))
 
 
 def _read_model(path: Path) -> str:
@@ -353,13 +319,19 @@ def _read_model(path: Path) -> str:
     return text
 
 
-def inspect(problem: Problem, folder: str | Path) -> str:
-    """Draw what the hand can do in ``problem`` into ``folder`` and return the numbers as text."""
+def inspect(problem: Problem, folder: str | Path | None = None) -> str:
+    """Return what the hand can do in ``problem``, as text: what fingers reach, which pairs hold, how much they carry.
+
+    With a ``folder`` it is also drawn there, as ``inspect.png``.  Raises RunFolderError where such a picture is there that is not
+    ours.
+    """
     from dexplan.viz.maps import describe_reach, draw_reach
 
     scene = build_scene(problem)
     hand = build_hand(problem, scene)
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    draw_reach(hand, folder / "inspect.png")
+    if folder is not None:
+        picture = Path(folder) / "inspect.png"
+        check_replaceable(picture)
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        draw_reach(hand, picture)
     return describe_reach(hand)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import tomllib
 import zipfile
 from collections.abc import Callable, Iterable
@@ -28,12 +29,15 @@ RUN_FILES = (*PLAN_FILES, "model.xml", "trace.npz", "report.json", "summary.png"
 """What ``dexplan run`` writes."""
 LATER_FILES = ("frames.png", "video.mp4", "crash.txt")
 """What is made of a run afterwards, or left by a crash; they go with the run that they belong to."""
+STILLS = "frames"
+"""Folder in a run folder with pictures of the run."""
 INSPECT_FILES = ("inspect.png",)
 
 SEAL = "# Written by dexplan, sha256 of what follows: "
 """First line of a problem file in a run folder: whoever edits the file breaks the seal and owns the file from then on."""
 MARK = "dexplan"
 """Stands in the metadata of pictures and films that are ours."""
+_STILL = re.compile(r"frame_\d{3}\.png")
 CRASH = "A defect of dexplan "
 """How a crash.txt begins."""
 
@@ -57,7 +61,8 @@ def choose_run_folder(
     names = (*RUN_FILES, "video.mp4") if with_video else RUN_FILES
     kept = _is_same(folder / "problem.toml", source) and _says_the_same(folder / "problem.toml", problem)
     _refuse_foreign(folder, [n for n in names if not (kept and n == "problem.toml")], source, is_asked)
-    ours = tuple(n for n in (*RUN_FILES, *LATER_FILES) if _is_ours_beside(folder, n, source))
+    stills = [f"{STILLS}/{path.name}" for path in list_stills(folder / STILLS)]
+    ours = tuple(n for n in (*RUN_FILES, *LATER_FILES, *stills) if _is_ours_beside(folder, n, source))
     return Target(folder, ours)
 
 
@@ -103,14 +108,33 @@ def check_replaceable(path: Path, source: Path | None = None) -> None:
         raise RunFolderError(str(path), why, "move it elsewhere first")
 
 
+def check_film_replaceable(path: Path) -> None:
+    """Raise RunFolderError where a film is to be written at ``path``, of whatever name, and what is there is no film of ours."""
+    test = _FILM_TESTS.get(path.suffix.lower())
+    if not os.path.lexists(path) or test is None:
+        return
+    try:
+        is_film = path.is_file() and test(path)
+    except (OSError, ValueError):
+        is_film = False
+    if not is_film:
+        fact = "is there and was made by no run, so it is left alone"
+        raise RunFolderError(str(path), fact, "move it elsewhere first")
+
+
 def find_run_files(folder: Path) -> tuple[str, ...]:
     """Return the files of ours in ``folder`` that only a run, or what was made of one, leaves."""
     return tuple(n for n in (*RUN_FILES, *LATER_FILES) if n not in PLAN_FILES and is_ours(folder / n))
 
 
+def list_stills(folder: Path) -> tuple[Path, ...]:
+    """Return the pictures of a run of ours in ``folder``, by number."""
+    return tuple(sorted(path for path in folder.glob("frame_*.png") if is_ours(path)))
+
+
 def is_ours(path: Path) -> bool:
     """Whether the file at ``path`` is one of a run of ours, judged by its content."""
-    test = _TESTS.get(path.name)
+    test = _is_picture if _STILL.fullmatch(path.name) else _TESTS.get(path.name)
     try:
         return test is not None and path.is_file() and test(path)
     except (OSError, ValueError, KeyError, RecursionError, zipfile.BadZipFile):
@@ -252,6 +276,15 @@ def _is_picture(path: Path) -> bool:
 def _is_film(path: Path) -> bool:
     content = path.read_bytes()
     return content[4:8] == b"ftyp" and MARK.encode() in content
+
+
+def _is_gif(path: Path) -> bool:
+    with path.open("rb") as stream:
+        head = stream.read(1024)
+    return head.startswith(b"GIF89a") and MARK.encode() in head
+
+
+_FILM_TESTS = {".mp4": _is_film, ".gif": _is_gif}
 
 
 def _is_crash(path: Path) -> bool:

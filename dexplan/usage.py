@@ -6,18 +6,21 @@ The commands are dataclasses annotated for tyro; what each accepts is read off t
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import tyro
 
 from dexplan.errors import DexplanError
 
 WORDS = {
+    "FILE": "a new file such as my_problem.toml",
+    "RUN": "a folder written by `dexplan run`, or a problem as for `dexplan run`",
     "PROBLEM": "a built-in name of `dexplan list` or a .toml file",
     "DIR": "a folder written by `dexplan run`",
     "ACTION": "record or check",
@@ -33,28 +36,36 @@ class UsageError(DexplanError):
 
 @dataclass(frozen=True)
 class Option:
-    """One option of a command: the name after its dashes, and the word that stands for its value (None: a flag)."""
+    """One option of a command: the name after its dashes, and the word that stands for its value (None: a flag).
+
+    ``is_alias``: whether this is another spelling of an option, which need not be told.
+    """
 
     name: str
     metavar: str | None
-    is_whole: bool
-    is_path: bool
+    is_whole: bool = False
+    is_path: bool = False
+    is_number: bool = False
+    is_alias: bool = False
 
 
 @dataclass(frozen=True)
 class Usage:
     """What one command accepts: the words that stand for its positional arguments, and its options by their spelling.
 
-    The first ``needed`` words have to be given.
+    The first ``needed`` words have to be given; where ``is_open_ended`` the last one may be given any number of times.
     """
 
     words: tuple[str, ...]
     options: Mapping[str, Option]
     needed: int
+    is_open_ended: bool = False
 
     def describe(self) -> str:
         """Return the options as they are written."""
-        told = [f"{name} {o.metavar}" if o.metavar else name for name, o in self.options.items()]
+        told = [
+            f"{name} {o.metavar}" if o.metavar else name for name, o in self.options.items() if not o.is_alias
+        ]
         return ", ".join(told) or "no options"
 
 
@@ -93,29 +104,41 @@ def check_usage(argv: Sequence[str], commands: Mapping[str, type]) -> None:
 def read_usage(command: type) -> Usage:
     """Return what a command accepts, from its dataclass."""
     hints = get_type_hints(command, include_extras=True)
-    words, options, needed = [], {}, 0
-    for field in fields(command):
+    words, options, needed, is_open_ended = [], {}, 0, False
+    # What a command shares with others comes after what is its own.
+    for field in sorted(
+        fields(command), key=lambda f: f.name not in vars(command).get("__annotations__", {})
+    ):
         hint, marks = hints[field.name], get_args(hints[field.name])[1:]
         arg = next((m for m in marks if hasattr(m, "metavar") and hasattr(m, "name")), None)
         metavar = (arg.metavar if arg else None) or field.name.upper()
         if tyro.conf.Positional in _find_markers(hint):
             words.append(metavar)
             needed += field.default is MISSING
+            is_open_ended = is_open_ended or _holds_many(hint)
             continue
         name = (arg.name if arg else None) or field.name.replace("_", "-")
         if bool in (hint, *get_args(hint)[:1]):
-            options[f"--{name}"] = Option(name, None, False, False)
-            options[f"--no-{name}"] = Option(name, None, False, False)
+            options[f"--{name}"] = Option(name, None)
+            if tyro.conf.FlagCreatePairsOff not in _find_markers(hint):
+                options[f"--no-{name}"] = Option(name, None)
+            for alias in (arg.aliases if arg else None) or ():
+                options[alias] = Option(name, None, is_alias=True)
         else:
             inner = {part for part in _flatten(hint) if isinstance(part, type)}
-            options[f"--{name}"] = Option(name, metavar, int in inner, Path in inner)
-    return Usage(tuple(words), options, needed)
+            options[f"--{name}"] = Option(name, metavar, int in inner, Path in inner, float in inner)
+    return Usage(tuple(words), options, needed, is_open_ended)
 
 
 def _find_markers(hint: Any) -> list[Any]:
     """Return tyro's markers on a type: ``Positional[T]`` is an annotated type whose marks say so."""
-    plain = get_args(tyro.conf.Positional[int])[1:]
-    return [tyro.conf.Positional] if any(mark in get_args(hint)[1:] for mark in plain) else []
+    marks = get_args(hint)[1:]
+    return [m for m in (tyro.conf.Positional, tyro.conf.FlagCreatePairsOff) if get_args(m[int])[1] in marks]
+
+
+def _holds_many(hint: Any) -> bool:
+    """Whether a type is a tuple of any length."""
+    return any(get_origin(part) is tuple and get_args(part)[1:] == (...,) for part in _flatten(hint))
 
 
 def _flatten(hint: Any) -> list[Any]:
@@ -162,6 +185,15 @@ def _check_value(spelling: str, option: Option, value: str) -> None:
         raise UsageError(f"{spelling}: {value!r} holds a zero byte; {accepted}")
     if option.is_whole and not re.fullmatch(r"[+-]?[0-9]{1,30}", value):
         raise UsageError(f"{spelling}: {value!r} is no whole number; accepted: a whole number, 0 or more")
+    if option.is_number and not _is_number(value):
+        raise UsageError(f"{spelling}: {value!r} is no number; {accepted}")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def _check_count(command: str, usage: Usage, given: Sequence[str]) -> None:
@@ -170,11 +202,12 @@ def _check_count(command: str, usage: Usage, given: Sequence[str]) -> None:
         word = usage.words[len(given)]
         cure = WORDS[word]
         raise UsageError(f"{word} is missing; accepted: dexplan {command} {word}, {cure} {see}")
-    if len(given) > len(usage.words):
+    if len(given) > len(usage.words) and not usage.is_open_ended:
         extra = given[len(usage.words)]
         hint = "; each KEY=VALUE needs its own --set" if "=" in extra and "--set" in usage.options else ""
         words = " ".join(("dexplan", command, *usage.words))
         raise UsageError(f"{extra!r} is one argument too many{hint}; accepted: {words} {see}")
-    for word, text in zip(usage.words, given, strict=False):
+    for place, text in enumerate(given):
+        word = usage.words[min(place, len(usage.words) - 1)]
         if not text.strip() or "\0" in text:
             raise UsageError(f"{text!r} is no {word} {see}")

@@ -23,8 +23,9 @@ class FakePlan:
     def __init__(self, status: str) -> None:
         self.status, self.is_solved = status, status == "solved"
         self.actions: tuple[object, ...] = ()
+        self.reason = "the reason"
 
-    def explain(self) -> str:
+    def explain(self, limits: object = None) -> str:
         return "the plan in words"
 
     def save(self, path: Path) -> None:
@@ -34,6 +35,7 @@ class FakePlan:
 class FakeReport:
     def __init__(self, verdict: str) -> None:
         self.verdict = verdict
+        self.physics = self.timing = self.versions = {"timestep_s": 0.001}
 
     def table(self) -> str:
         return "the table"
@@ -67,10 +69,13 @@ def make_pipeline() -> SimpleNamespace:
     """Return a pipeline that does nothing, in place of the real one; tests replace its parts."""
     return SimpleNamespace(
         plan=lambda problem: FakePlan("solved"),
-        rollout=lambda problem, plan, *, seed=None, progress=None: "trace",
+        rollout=lambda problem, plan, *, progress=None, **ways: "trace",
         validate=lambda problem, plan, trace: FakeReport("pass"),
+        validate_as_recorded=lambda problem, plan, trace: FakeReport("pass"),
         inspect=lambda problem, folder: "the numbers",
         save_run=save_run,
         load_run=lambda folder: ("problem", "plan", "trace"),
-        render_run=lambda folder: (folder / "video.mp4").write_bytes(FILM),
+        render_run=lambda folder, path=None, options=None, progress=None: (
+            path or folder / "video.mp4"
+        ).write_bytes(FILM),
     )

@@ -28,23 +28,28 @@ def _see(names: str, third_party: str = "") -> Room:
     return Room(frozenset(names.split()), frozenset(third_party.split()))
 
 
-GROUND = "errors spatial brief icosphere moved"
+GROUND = "errors spatial brief notebook icosphere moved"
 MATH = "numpy scipy"
 ALL = (
     f"{GROUND} contact grasp kinematics plans scene planning control sim testing models viz witness problems cli commands "
-    "pipeline pool run_folder terminal usage __init__"
+    "arguments builders pipeline pool run_folder terminal usage __init__"
 )
 KNOWN = f"{GROUND} contact grasp kinematics plans scene"
+PROBLEMS = (
+    "planning.admissible planning.ways planning.regions planning.rolling planning.contacts planning.search"
+)
 ROOMS = {
     # storey 0
     "errors": _see(""),
     "spatial": _see("errors", MATH),
     "moved": _see(""),
     "brief": _see("", MATH),
+    "notebook": _see(""),
     "icosphere": _see("brief spatial", MATH),
     # storey 1
     "contact": _see(f"{GROUND}", MATH),
     "contact.surfaces": _see(f"{GROUND}", MATH),
+    "contact.bodies": _see(GROUND, MATH),
     "contact.kinematics": _see(f"{GROUND} contact contact.surfaces", MATH),
     "contact.rolling": _see(f"{GROUND} contact contact.surfaces contact.kinematics", MATH),
     "grasp": _see(f"{GROUND} contact", MATH),
@@ -61,16 +66,11 @@ ROOMS = {
     "planning.ways": _see(f"{KNOWN} planning.admissible", f"{MATH} ompl"),
     "planning.regions": _see(f"{KNOWN} planning.admissible", MATH),
     "planning.rolling": _see(f"{KNOWN} planning.admissible", MATH),
-    "planning.gait": _see(
-        f"{KNOWN} planning.admissible planning.ways planning.regions planning.rolling", MATH
-    ),
-    "planning.regrasp": _see(
-        f"{KNOWN} planning.admissible planning.ways planning.regions planning.rolling", MATH
-    ),
-    "planning.actions": _see(
-        f"{KNOWN} planning.admissible planning.ways planning.regions planning.rolling planning.gait planning.regrasp",
-        MATH,
-    ),
+    "planning.contacts": _see(f"{KNOWN} planning.admissible planning.ways planning.regions", MATH),
+    "planning.search": _see(f"{KNOWN} planning.ways planning.contacts", MATH),
+    "planning.gait": _see(f"{KNOWN} {PROBLEMS}", MATH),
+    "planning.regrasp": _see(f"{KNOWN} {PROBLEMS}", MATH),
+    "planning.actions": _see(f"{KNOWN} {PROBLEMS} planning.gait planning.regrasp", MATH),
     "planning.tasks": _see(f"{KNOWN} planning", MATH),
     "control": _see(KNOWN, f"{MATH} mujoco mink daqp"),
     # storey 4
@@ -87,8 +87,10 @@ ROOMS = {
     "terminal": _see(GROUND),
     "usage": _see(GROUND, "tyro"),
     "cli": _see(ALL, "tyro"),
+    "arguments": _see(ALL, "tyro"),
     "commands": _see(ALL, "tqdm platformdirs"),
-    "pipeline": _see(ALL, f"{MATH} mujoco tqdm platformdirs"),
+    "pipeline": _see(ALL, MATH),
+    "builders": _see(f"{KNOWN} planning control problems", MATH),
     "__init__": _see(ALL),
     "__main__": _see("cli"),
 }

@@ -20,7 +20,7 @@ ROOMS = ("contact", "grasp", "kinematics", "plans", "scene", "control", "sim")
 """Rooms whose values with arrays all have to be brief; of ``planning`` the ones that leave it are listed below."""
 PUBLIC = {
     "planning.admissible.hand": ("HandModel",),
-    "planning.gait.orbits": ("Orbit",),
+    "planning.contacts.orbits": ("Orbit",),
     "planning.regions.regions": ("Regions",),
     "problems.problem": ("Problem", "HandSection", "GoalSection", "StartSection"),
 }

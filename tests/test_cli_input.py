@@ -51,6 +51,10 @@ BAD_COMMAND_LINES = [
     "validate no_such_folder",
     "validate /dev/null",
     "render no_such_folder",
+    "render . --size 12",
+    "render . --quality best",
+    "render . --fps 0",
+    "render . --camera top --camera side --camera overview",
 ]
 
 
@@ -140,7 +144,7 @@ def test_no_plan_is_an_honest_no(
     (old / "notes.txt").write_text("old")
     assert main(["run", "hold_two", "--out", "there"]) == 1
     out, err = capsys.readouterr()
-    assert out.splitlines()[-1] == "FAIL plan start_out_of_reach"
+    assert out.splitlines()[-1] == "REFUSED start_out_of_reach: the reason"
     assert err.startswith("dexplan: replaces what is in there of an older run: problem.toml, plan.json, ")
     assert sorted(f.name for f in old.iterdir()) == ["notes.txt", "plan.json", "problem.toml"]
     assert main(["plan", "hold_two", "--out", "there"]) == 1
@@ -151,14 +155,14 @@ def test_no_plan_is_an_honest_no(
 def test_run_saves_everything_and_ends_with_the_verdict(
     verdict: str, code: int, pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    pipeline.validate = lambda problem, plan, trace: FakeReport(verdict)
+    pipeline.validate_as_recorded = lambda problem, plan, trace: FakeReport(verdict)
     seeds = []
-    pipeline.rollout = lambda problem, plan, *, seed, progress: seeds.append((seed, problem.seed, progress))
+    pipeline.rollout = lambda problem, plan, *, progress: seeds.append((problem.seed, progress))
     assert main(["run", "hold_two", "--seed", "7", "--video"]) == code
     out, err = capsys.readouterr()
     assert out.splitlines()[-1].startswith(verdict.upper())
     assert err == ""
-    assert seeds == [(7, 7, None)]
+    assert seeds == [(7, None)]
     names = {"problem.toml", "plan.json", "model.xml", "trace.npz", "report.json", "video.mp4"}
     assert {f.name for f in (cwd / "runs" / "hold_two").iterdir()} == names
     assert main(["validate", "runs/hold_two"]) == code
@@ -166,10 +170,23 @@ def test_run_saves_everything_and_ends_with_the_verdict(
     assert main(["render", "runs/hold_two"]) == 0
 
 
+def test_a_film_goes_where_it_is_asked_to_and_replaces_nothing_foreign(
+    pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
+) -> None:
+    make_older_run(cwd / "old")
+    assert main(["render", "old", "--out", "mine.mp4"]) == 0
+    assert capsys.readouterr().out == "mine.mp4\n"
+    assert main(["render", "old", "--out", "mine.mp4"]) == 0
+    (cwd / "mine.mp4").write_text("a film of mine")
+    assert main(["render", "old", "--out", "mine.mp4"]) == 2
+    assert "was made by no run" in capsys.readouterr().err
+    assert (cwd / "mine.mp4").read_text() == "a film of mine"
+
+
 def test_a_machine_that_cannot_render_says_so_in_one_line(
     pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
-    def refuse(folder: Path) -> None:
+    def refuse(folder: Path, *given: object) -> None:
         raise RenderError("no offscreen renderer; install libegl1 libgl1")
 
     pipeline.render_run = refuse

@@ -13,18 +13,9 @@ from rooms import ROOMS, WITH_FLOORS
 
 PACKAGE = Path(__file__).resolve().parents[1] / "dexplan"
 LINE_LIMIT, CLASS_LIMIT = 350, 200
-LONG_FILES = {
-    "commands.py",
-    "pipeline.py",
-    "planning/gait/contacts.py",
-    "planning/gait/search.py",
-    "planning/regions/contactable.py",
-    "planning/tasks/object_manipulation.py",
-    "planning/tasks/stages.py",
-    "witness/endurance.py",
-}
+LONG_FILES: set[str] = set()
 """Files beyond the limit, none longer than 400 lines.  This list only shrinks."""
-LONG_CLASSES = {"GaitSearch", "ContactTable", "Stages", "_Planning", "PairSurvey", "Reader"}
+LONG_CLASSES: set[str] = set()
 """Classes beyond the limit.  This list only shrinks."""
 BANNED_NAMES = {"utils", "util", "common", "helpers", "helper", "manager", "managers", "misc"}
 STEPPING_FILES = {
@@ -32,8 +23,8 @@ STEPPING_FILES = {
     "sim/judge/replay.py",
     "testing/stepping.py",  # foreign scenes, which neither our rollout nor our replay can run
 }
-MOST_FLOORS = 5
-"""Floors of rooms in ``planning`` at most."""
+MOST_FLOORS = 7
+"""Floors of rooms in ``planning`` at most: states, ways, contacts, the engine, what is asked of it, actions, tasks."""
 KNOWN_CIRCLES: frozenset[frozenset[str]] = frozenset()
 """Files that import one another.  This list only shrinks."""
 

@@ -157,7 +157,9 @@ def test_run_without_a_plan_is_an_honest_no(tmp_path: Path, capsys: pytest.Captu
     out = tmp_path / "out"
     asked = ["--set", "friction.sliding=0.2", "--set", "friction.torsional_m=0.0005", "--set", TURN]
     assert main(["run", "fig4_substitution", *asked, "--no-video", "--out", str(out)]) == 1
-    assert last_line(capsys).startswith("FAIL plan ")
+    assert last_line(capsys).startswith(
+        "REFUSED start_inadmissible: the start contacts do not hold the object"
+    )
     assert {path.name for path in out.iterdir()} == {"problem.toml", "plan.json"}
     plan = dx.Plan.load(out / "plan.json")
     assert not plan.is_solved

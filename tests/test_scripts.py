@@ -37,8 +37,6 @@ WRONG = [
     "endurance --goals -1",
     "jitter --workers 0",
     "jitter --problem nosuch",
-    "figures --most 0",
-    "figures nosuch",
     "rolling_sweep --step 0",
     "rolling_sweep --legs nan",
     "shift_sweep nosuch",
@@ -133,10 +131,10 @@ def start(path: Path, python: str, cwd: Path, **environment: str) -> subprocess.
 
 
 def test_without_an_environment_a_script_says_how_to_make_one(cwd: Path) -> None:
-    answer = start(FOLDER / "figures", sys.executable, cwd, DEXPLAN_VENV=str(cwd / "none"))
+    answer = start(FOLDER / "three_to_two", sys.executable, cwd, DEXPLAN_VENV=str(cwd / "none"))
     assert answer.returncode == 2
     assert answer.stdout == ""
-    assert answer.stderr.startswith("figures: dexplan is not installed for ")
+    assert answer.stderr.startswith("three_to_two: dexplan is not installed for ")
     assert "run scripts/setup once" in answer.stderr
     assert answer.stderr.count("\n") == 1
 
@@ -147,9 +145,9 @@ def test_a_script_starts_again_with_the_python_of_the_environment(cwd: Path) -> 
     python = folder / "python"
     python.write_text(f'#!/bin/sh\nPYTHONPATH="{FOLDER.parent}" exec "{sys.executable}" "$@"\n')
     python.chmod(0o755)
-    answer = start(FOLDER / "figures", sys.executable, cwd, DEXPLAN_VENV=str(cwd / "venv"))
+    answer = start(FOLDER / "three_to_two", sys.executable, cwd, DEXPLAN_VENV=str(cwd / "venv"))
     assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.startswith("usage: figures")
+    assert answer.stdout.startswith("usage: three_to_two")
     assert answer.stderr == ""
 
 

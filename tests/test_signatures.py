@@ -23,26 +23,9 @@ ROOMS = (
     "viz",
 )
 MOST_ARGUMENTS, LONGEST_TUPLE = 7, 2
-TOO_MANY: dict[str, set[str]] = {
-    "contact/rolling/roll_to.py": {"_find_outsets", "roll_to"},
-    "planning/tasks/dextrous_manipulation.py": {"plan_dextrous_manipulation"},
-    "planning/tasks/grasp_adjustment.py": {"plan_grasp_adjustment"},
-    "planning/tasks/stages.py": {"_adjust", "run"},
-    "sim/judge/checks_case.py": {"judge_worst"},
-}
+TOO_MANY: dict[str, set[str]] = {}
 """File -> functions with more arguments.  This list only shrinks."""
-BARE: dict[str, set[str]] = {
-    "planning/admissible/admissibility.py": {"_compute_load"},
-    "planning/gait/orbits.py": {"_measure_runs", "_measure_windows", "_solve"},
-    "planning/gait/states.py": {"where"},
-    "planning/regions/contactable.py": {"_solve_closed"},
-    "planning/regions/regions.py": {"_as_tuple"},
-    "planning/regions/theorems.py": {"_find_widest"},
-    "planning/regrasp/layers.py": {"carry"},
-    "planning/regrasp/stand_search.py": {"_place"},
-    "planning/rolling/roll_gait.py": {"_roll_pair"},
-    "sim/judge/checks_rolling.py": {"_compare_roll", "_find_outsets"},
-}
+BARE: dict[str, set[str]] = {}
 """File -> functions that return a bare tuple of more values.  This list only shrinks."""
 
 FILES = sorted(path for room in ROOMS for path in (PACKAGE / room).rglob("*.py"))

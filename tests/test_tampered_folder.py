@@ -237,7 +237,7 @@ def test_file_of_another_run_is_told(
         _check_told(folder, capsys)
 
 
-SHARED = {("seed", "plan.json"), ("seed", "model.xml"), ("contacts", "model.xml"), ("ball", "plan.json")}
+SHARED = {("seed", "plan.json"), ("seed", "model.xml"), ("ball", "plan.json")}
 """Files that two runs have in common: they are the run's own, whichever folder they come from."""
 
 

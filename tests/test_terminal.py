@@ -141,7 +141,7 @@ def test_a_signal_while_judging_keeps_the_run(
         raise KeyboardInterrupt
 
     pipeline.rollout = lambda *given, **options: Trace("<mujoco/>", {"time": np.array([0.0, 2.0])}, {})
-    pipeline.validate = interrupt
+    pipeline.validate_as_recorded = interrupt
     assert main(["run", "hold_two"]) == 130
     assert "the run so far (2.00 s) is in runs/hold_two/trace.npz" in capsys.readouterr().err
 

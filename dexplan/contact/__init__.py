@@ -3,6 +3,7 @@
 =============  ====================================================================================
 ``friction``   ``HardFinger``, ``SoftFinger``: which forces a contact transmits, as cones and pyramids
 ``surfaces``   ``Sphere``, ``Plane``, ``Cylinder``, ``Ellipsoid``: surfaces seen through charts
+``bodies``     convex bodies that answer ``project``: nearest points, mass, sites to land on
 ``kinematics`` Montana's contact equations, and closest points of two surfaces
 ``rolling``    ``roll_to``, great circles, rolling triangles: ways of a tip that rolls
 =============  ====================================================================================
@@ -15,4 +16,4 @@ A contact frame C has z **into** the object; forces act **on** the object.  How 
 1.0
 """
 
-__all__ = ["friction", "kinematics", "rolling", "surfaces"]
+__all__ = ["bodies", "friction", "kinematics", "rolling", "surfaces"]

@@ -4,6 +4,7 @@
 ``reference``    ``build_reference``: the plan's phases as curves in time
 ``controller``   ``Controller.step``: an ``Observation`` in, a ``Command`` out
 ``observation``  ``Observation``: all that the controller may know, as a real robot would
+``foreign``      what other controllers are told and answer: ``RunStart``, ``ForeignController``
 ``options``      ``ControlOptions``: what the controller believes and how it is tuned
 ``rate``         how often it has to be asked
 ===============  =====================================================================================
@@ -20,4 +21,4 @@ A plan has all ways and times; the reference has nothing to compute but curves t
 [0.0, 0.01, 0.02]
 """
 
-__all__ = ["controller", "observation", "options", "rate", "reference"]
+__all__ = ["controller", "foreign", "named", "observation", "options", "rate", "reference"]

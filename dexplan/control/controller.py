@@ -9,13 +9,13 @@ wanted torque.  Its state lives here and nowhere else.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.contact.surfaces.sphere import require_sphere
 from dexplan.control.ahead import Moment, ObjectAhead
+from dexplan.control.clock import PlanClock
 from dexplan.control.follow import PostureFollower
 from dexplan.control.forces import REFRESH, ForceControl
 from dexplan.control.hand import MeasuredHand, build_hand_body
@@ -51,15 +51,6 @@ CORRECTION_LIMIT = (1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03)
 """The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
 
 
-class _Stage(NamedTuple):
-    """The ``phase`` that holds now, the time ``t`` [s] within it, whether all ``is_done``, and what failed."""
-
-    phase: Phase
-    t: float
-    is_done: bool
-    failure: str | None
-
-
 @dataclass(frozen=True, eq=False)
 class Command:
     """What one tick decided, and what it was based on.
@@ -90,6 +81,7 @@ class Controller:
         require_sphere(scene.object.surface, "the controller")
         self._scene, self._reference, self._options = scene, reference, options
         self._tick = options.tick
+        self._clock = PlanClock(reference, [f.name for f in scene.fingers], options.tick)
         body, self._n = build_hand_body(scene), scene.n_fingers
         self._measured = MeasuredHand(body)
         self._commanded = PostureFollower(body, options.joint_speed, options.tick)
@@ -102,7 +94,8 @@ class Controller:
         """Be as before the first tick: what was made for this hand and reference stays, nothing else."""
         self._forces.restart()
         self._qdot, self._settling = np.zeros(self._gain.shape), REFRESH
-        self._phase, self._phase_start = -1, 0.0
+        self._is_started = False
+        self._clock.restart()
         self._carried = [IDENTITY] * self._n
         self._adopted: frozenset[int] = frozenset()
         self._correction: list[float] | None = None
@@ -115,7 +108,9 @@ class Controller:
     def step(self, observation: Observation) -> Command:
         """Return the command for the tick that starts now."""
         self._sense(observation)
-        phase, t, is_done, failure = self._advance(observation)
+        phase, t, is_done, failure, entered = self._clock.advance(observation.time, observation.touching)
+        for index in entered:
+            self._enter(index, observation.time)
         now = self._ahead.look(phase.object_path, t)
         self._relax(phase, t)
         self._aim(phase, t, observation.time, self._correct(now))
@@ -144,33 +139,12 @@ class Controller:
     def _sense(self, observation: Observation) -> None:
         self._measured.measure(observation.q, observation.qdot)
         self._X_WO = Pose.from_matrix(observation.X_WO)
-        if self._phase < 0:
+        if not self._is_started:
             self._commanded.start(self._measured.qpos)
             self._targets = list(self._measured.tips)
 
-    def _advance(self, observation: Observation) -> _Stage:
-        """Move on to the phase that holds now."""
-        phases = self._reference.phases
-        failure = None
-        if self._phase < 0:
-            self._enter(0, observation.time)
-        while True:
-            phase = phases[self._phase]
-            t = observation.time - self._phase_start
-            last = self._phase == len(phases) - 1
-            if phase.ends_on_touch:
-                assert phase.finger is not None
-                over = bool(observation.touching[phase.finger])
-                if t > phase.duration + self._reference.touchdown.timeout:
-                    failure = f"{self._scene.fingers[phase.finger].name} found no object where it should have touched"
-            else:
-                over = t > phase.duration - 0.5 * self._tick
-            if not over or last:
-                return _Stage(phase, t, over and last, failure)
-            self._enter(self._phase + 1, observation.time)
-
     def _enter(self, index: int, time: float) -> None:
-        self._phase, self._phase_start, self._settling = index, time, REFRESH
+        self._is_started, self._settling = True, REFRESH
         phase = self._reference.phases[index]
         # A finger that begins to hold is carried from where it really touched, not from where it should have.
         for i in set(phase.holding) - self._adopted:

@@ -3,6 +3,8 @@
 ================  =================================================================================
 ``grasp``         ``Contact``, ``Grasp``: values; ``contact_on_sphere``, ``compute_grasp_map``: wrench = G f
 ``closure``       ``check_force_closure``, ``compute_load_margin``, ``check_antipodal``: answers with margins
+``pairs``         ``measure_chord_lean``: which of many pairs hold alone, on any body
+``wrench``        ``compute_wrench``: what the contacts have to exert, held or moved
 ``quality``       ``compute_quality``: all quality terms of a grasp as one value
 ``margin``        the programs behind the margins: exact cones by an interior point, pyramids by an LP
 ``closed_forms``  the paper's formulas for pairs and triples, as theory and as a second opinion
@@ -26,4 +28,4 @@ Two soft fingers hold a ball if they are far enough apart: with friction 0.55 fr
 [False, True]
 """
 
-__all__ = ["closed_forms", "closure", "force", "grasp", "margin", "quality"]
+__all__ = ["closed_forms", "closure", "force", "grasp", "margin", "pairs", "quality", "wrench"]

@@ -7,6 +7,8 @@
 ``pointing``          postures that point the tip in a direction, whatever its spin
 ``following``         ``follow_tip``: postures along a way of the tip, on one branch
 ``workspace``         ``Workspace``, ``load_workspace``: where the tip can be, computed once and kept on disk
+``land``              ``land``: postures that touch given places of a body, for any number of joints
+``carry``             ``carry_fixed``, ``carry_rolling``: how far a contact goes along while the object moves
 ``arcs``              ``build_travel``, ``compute_hover``: how a free tip travels around the object
 ====================  ======================================================================================
 
@@ -23,4 +25,14 @@ A finger of two hinges about y, 40 mm and 30 mm long, stretched out along x:
 [0.07, 0.0, 0.0]
 """
 
-__all__ = ["arcs", "chain", "finger", "following", "pointing", "spherical_wrist", "workspace"]
+__all__ = [
+    "arcs",
+    "carry",
+    "chain",
+    "finger",
+    "following",
+    "land",
+    "pointing",
+    "spherical_wrist",
+    "workspace",
+]

@@ -9,6 +9,7 @@ of interest is reachable is then settled by solving for it exactly, starting fro
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import zipfile
 from dataclasses import dataclass, replace
@@ -26,6 +27,7 @@ from dexplan.kinematics.chain import Chain, compute_joint_margin, compute_tip_po
 from dexplan.kinematics.finger import FingerDescription
 from dexplan.spatial import Array, invert_pose, lock_arrays, make_pose, read_only, rotate_about
 
+_LOG = logging.getLogger(__name__)
 VERSION = 1
 SPACING = 0.018
 """Distance of sampled tip positions [m]."""
@@ -129,6 +131,7 @@ def load_workspace(finger: FingerDescription, center: Array, X_WP: Array | None 
                 return _place(finger.chain, X_WK, {name: stored[name] for name in stored.files})
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             path.unlink(missing_ok=True)  # a damaged cache is not worth a word: it is made anew
+    _LOG.info("measuring what %s reaches, once for a finger like it", finger.name)
     values = _sample(chain, finger.q_home)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -12,6 +12,7 @@
 ``motion``    ``ObjectMotion``: a turn about an axis with a straight shift, and poses on it
 ``tip_roll``  the path of a tip that rolls while it holds
 ``forces``    ``NormalForces``: how hard a contact presses, with the usual values
+``margins``   what an action leaves to spare, in words beside its limits
 ``speed``     how fast the object turns, and what keeps it from turning faster
 ============  ===========================================================================
 
@@ -27,6 +28,7 @@ __all__ = [
     "contacts",
     "forces",
     "goal",
+    "margins",
     "motion",
     "pace",
     "phases",

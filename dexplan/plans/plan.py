@@ -17,11 +17,13 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
+from dexplan.notebook import as_html_lines, as_html_table
 from dexplan.plans.actions import Action
 from dexplan.plans.contacts import Contacts, GoalContact
 from dexplan.plans.file import FORMAT, PlanReader, PlanWriter, read_touchdown, write_touchdown
 from dexplan.plans.forces import NormalForces
 from dexplan.plans.format1 import OLD_FORMAT, upgrade
+from dexplan.plans.margins import MarginLimits, spell_margins
 from dexplan.plans.poses import read_pose, write_pose
 from dexplan.plans.refusal import Refusal
 from dexplan.plans.speed import PlannedSpeed
@@ -74,6 +76,16 @@ class Plan:
 
     def __str__(self) -> str:
         return self.explain()
+
+    def _repr_html_(self) -> str:
+        """Return the plan as notebooks show it: its status, and a row per action."""
+        before = (self.start_contacts, *(action.contacts_end for action in self.actions))
+        rows = [
+            (k, explain_action(self.fingers, action, contacts), spell_margins(action.margins))
+            for k, (action, contacts) in enumerate(zip(self.actions, before, strict=False), start=1)
+        ]
+        heads = ("", "action", "at the worst instant")
+        return as_html_lines(self._explain_status()) + (as_html_table(heads, rows) if rows else "")
 
     @property
     def is_solved(self) -> bool:
@@ -182,18 +194,27 @@ class Plan:
             else reader.read_goal_contacts(goal["contacts"]),
         )
 
-    def explain(self) -> str:
-        """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left."""
-        lines = [f"status: {self.status}" + (f" ({self.reason})" if self.reason else "")]
-        if self.goal_contacts is not None:
-            lines.append(describe_goal_contacts(self.fingers, self.goal_contacts))
-        if self.speed is not None:
-            lines.append(f"speed: {self.speed}")
+    def explain(self, limits: MarginLimits | None = None) -> str:
+        """Return the plan as text: which finger, why, from where to where, what holds meanwhile, what is left to spare.
+
+        ``limits`` are what the problem asks to be left; with them margins are told beside their limits, the tightest marked.
+        """
+        lines = self._explain_status()
         before = self.start_contacts
         for k, action in enumerate(self.actions):
             lines.append(f"{k + 1:3d}. {explain_action(self.fingers, action, before)}")
             if action.margins:
-                margins = ", ".join(f"{key} {value:.3g}" for key, value in action.margins.items())
-                lines.append(f"     margins: {margins}")
+                lines.append(f"     at the worst instant: {spell_margins(action.margins, limits)}")
             before = action.contacts_end
         return "\n".join(lines)
+
+    def _explain_status(self) -> list[str]:
+        """Return what is to be said of the plan as a whole."""
+        lines = [f"status: {self.status}, {self.status.meaning}"]
+        if self.reason:
+            lines.append(f"reason: {self.reason}")
+        if self.goal_contacts is not None:
+            lines.append(describe_goal_contacts(self.fingers, self.goal_contacts))
+        if self.speed is not None:
+            lines.append(f"speed: {self.speed}")
+        return lines

@@ -12,6 +12,7 @@ from typing import Any
 from dexplan.errors import RunFolderError
 from dexplan.problems.problem import Problem
 from dexplan.problems.rules import spell
+from dexplan.sim.judge.true_world import META, find_untrue, join_world
 
 PROBLEM, PLAN = "problem_as_run", "plan_digest"
 """Where the record's meta holds the problem's data, and a digest of the plan's."""
@@ -21,9 +22,15 @@ UNTOLD = frozenset({"format", "acceptance"})
 """Limits are what a saved run may be judged by anew; looser ones are told by themselves."""
 
 
-def describe_run(problem: Problem, plan: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a record keeps of the problem and of the plan (as the data of its file) that it was made with."""
-    return {PROBLEM: problem.as_dict(), PLAN: compute_digest(plan)}
+def describe_run(problem: Problem, plan: Mapping[str, Any], world: Problem | None = None) -> dict[str, Any]:
+    """Return what a record keeps of the problem, of the plan (as the data of its file) that it was made with, and of the true
+    ``world`` where that is not as the problem has it.
+    """
+    believed = problem.as_dict()
+    told = {PROBLEM: believed, PLAN: compute_digest(plan)}
+    if world is not None and find_untrue(believed, world.as_dict()):
+        told[META] = join_world(believed, world.as_dict())
+    return told
 
 
 def compute_digest(plan: Mapping[str, Any]) -> str:

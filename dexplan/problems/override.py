@@ -18,21 +18,21 @@ OPTION = "--set"
 WORD = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
-def parse_assignment(text: str) -> tuple[str, object]:
-    """Return (dotted key, value) of one ``KEY=VALUE``, the value parsed as TOML."""
+def parse_assignment(text: str, option: str = OPTION) -> tuple[str, object]:
+    """Return (dotted key, value) of one ``KEY=VALUE`` given to ``option``, the value parsed as TOML."""
     key, equals, value_text = text.partition("=")
     if not equals or not key.strip() or not value_text.strip():
         accepted = "accepted: KEY=VALUE such as goal.rotation.angle_deg=90"
-        raise ProblemError(OPTION, "", f"{spell(text)} is no assignment", accepted)
-    _parse_key(key.strip(), OPTION)
-    return key.strip(), _parse_value(key.strip(), value_text.strip())
+        raise ProblemError(option, "", f"{spell(text)} is no assignment", accepted)
+    _parse_key(key.strip(), option)
+    return key.strip(), _parse_value(key.strip(), value_text.strip(), option)
 
 
 def set_override(data: dict[str, Any], dotted_key: str, toml_value_text: str) -> None:
     """Replace the value at ``dotted_key`` of the problem dict ``data``, in place, by the TOML value in the
     text.
     """
-    apply_override(data, dotted_key, _parse_value(dotted_key, toml_value_text.strip()), OPTION)
+    apply_override(data, dotted_key, _parse_value(dotted_key, toml_value_text.strip(), OPTION), OPTION)
 
 
 def apply_override(data: dict[str, Any], dotted_key: str, value: object, source: str) -> None:
@@ -87,7 +87,7 @@ def _parse_key(dotted_key: str, source: str) -> list[str]:
     return steps
 
 
-def _parse_value(key: str, text: str) -> object:
+def _parse_value(key: str, text: str, option: str) -> object:
     """Return the TOML value in ``text``, which may hold nothing else, or the bare word that it is."""
     try:
         tree = tomllib.loads(f"value = {text}")
@@ -97,5 +97,5 @@ def _parse_value(key: str, text: str) -> object:
         if WORD.fullmatch(text):
             return text
         accepted = "accepted: a TOML value such as 90, true or [1.0, 2.0], or a word"
-        raise ProblemError(OPTION, key, f"{spell(text)} is no value", accepted)
+        raise ProblemError(option, key, f"{spell(text)} is no value", accepted)
     return tree["value"]

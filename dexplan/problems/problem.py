@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dexplan.brief import brief_repr
+from dexplan.notebook import as_html_table
 from dexplan.problems.parse import parse_file
 from dexplan.problems.sections import (
     FORMAT,
@@ -32,6 +33,7 @@ from dexplan.problems.sections import (
     WeightsSection,
     compute_contact_directions,
 )
+from dexplan.problems.words import describe_problem
 
 __all__ = [
     "FORMAT",
@@ -64,6 +66,10 @@ class Problem(ProblemFields):
     """
 
     __repr__ = brief_repr
+
+    def _repr_html_(self) -> str:
+        """Return the problem in words, as notebooks show it."""
+        return as_html_table((), describe_problem(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Problem:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
 from dexplan.contact.surfaces.surface import AbstractSurface
+from dexplan.grasp.wrench import MassProperties
 from dexplan.spatial import Array, read_only
 
 OBJECT, STANDING = -1, -2
@@ -92,6 +94,11 @@ class ObjectDescription:
     def __post_init__(self) -> None:
         for name in ("inertia", "X_WO_home"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @cached_property
+    def mass_properties(self) -> MassProperties:
+        """Mass, centre of mass (the origin) and inertia."""
+        return MassProperties(self.mass, np.zeros(3), self.inertia)
 
     def allows(self, n_O: Array) -> NDArray[np.bool_]:
         """Return whether contacts with the outward normals ``n_O`` (..., 3) in object axes may be made (...)."""

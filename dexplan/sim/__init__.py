@@ -1,11 +1,12 @@
 """What happened, and whether it counts: runs recorded, and judged by code that shares nothing with what it judges.
 
-===========  ================================================================================
-``record``   ``rollout``: steps the world under the controller
-``trace``    ``Trace``: the columns of a run, with the text of its model; ``trace.npz``
-``judge``    ``validate_run``: replays a trace and judges it, check by check
-``machine``  what the last bit of a run may depend on
-===========  ================================================================================
+=================  ================================================================================
+``record``         ``rollout``: steps the world under the controller
+``trace``          ``Trace``: the columns of a run, with the text of its model; ``trace.npz``
+``contact_table``  ``Trace.contacts``, column by column
+``judge``          ``validate_run``: replays a trace and judges it, check by check
+``machine``        what the last bit of a run may depend on
+=================  ================================================================================
 
 ``mj_step`` stands in two files only: ``record/rollout.py`` and ``judge/replay.py``.
 
@@ -14,4 +15,4 @@
 True
 """
 
-__all__ = ["judge", "machine", "record", "trace"]
+__all__ = ["contact_table", "judge", "machine", "record", "trace"]

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 
 from dexplan.brief import show
 from dexplan.errors import RunFolderError
+from dexplan.notebook import as_html_table
+from dexplan.sim.contact_table import build_contact_table
 
 FORMAT = 1
 """The trace format this package reads and writes."""
@@ -79,6 +81,20 @@ class Trace:
             lines.append(f"  {name:<24} {array.dtype!s:<8} {array.shape}")
         return "\n".join(lines)
 
+    def _repr_html_(self) -> str:
+        """Return the trace as notebooks show it: a row per column."""
+        rows = [(name, array.dtype, array.shape) for name, array in self.columns.items()]
+        return as_html_table(("column", "type", "shape"), rows, caption=repr(self))
+
+    def contacts(self) -> dict[str, NDArray[Any]]:
+        """Return the contacts as a table: columns (N,) by name, a row per sample and touching finger, in the order of time.
+
+        ``pandas.DataFrame(trace.contacts())`` takes it as it is.  Units stand in the names; frames and meanings are told
+        column by column in :data:`dexplan.sim.contact_table.COLUMNS` and ``docs/replay.md``.  Columns that the trace does not
+        have are left out.  Raises KeyError for a trace that does not say who touches.
+        """
+        return build_contact_table(self.model_xml, self.columns)
+
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return the column ``name``; KeyError where the trace has none."""
         return self.columns[name]
@@ -98,6 +114,10 @@ class Trace:
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make the trace again, so that worker processes can hand it on, or an error that carries it."""
+        return Trace, (self.model_xml, dict(self.columns), dict(self.meta), self.contradictions)
 
     @property
     def sample_count(self) -> int:

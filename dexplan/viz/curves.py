@@ -53,10 +53,12 @@ def compute_curves(problem: Mapping[str, Any] | None, plan: Plan, trace: Trace) 
         turned[is_good] = np.degrees(compute_turned_angle(pose[is_good], axis))
         turned_reference[is_good] = np.degrees(compute_turned_angle(reference[is_good], axis))
     force = trace["contact_force"]
+    # Runs of other controllers plan no forces.
+    planned = trace.columns.get("contact_force_reference", np.full(force.shape, np.nan))
     return Curves(
         time=trace["time"],
         normal_force=force[..., 2],
-        normal_force_reference=trace["contact_force_reference"][..., 2],
+        normal_force_reference=planned[..., 2],
         utilisation=compute_utilisation(force, sliding, torsional),
         position_error_mm=1e3 * np.linalg.norm(pose[:, :3] - reference[:, :3], axis=1),
         rotation_error_deg=rotation_error,

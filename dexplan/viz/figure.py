@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -73,7 +74,7 @@ def draw_summary(
     _draw_errors(axes[3], curves)
     _draw_turn(axes[4], curves)
     _write_heading(figure, problem, plan, trace, report)
-    _draw_keys(figure, plan, rows)
+    _draw_keys(figure, plan, rows, has_planned="contact_force_reference" in trace)
     return write_picture(canvas, path)
 
 
@@ -251,24 +252,32 @@ def _write_heading(
     is_bad = failure is not None or (report is not None and not report.is_passed)
     color = ALARM if is_bad else INK
     figure.text(0.07, 0.955, _cut(line, 150), fontsize=11, color=color, va="center", parse_math=False)
-    for k, said in enumerate(() if report is None else report.reservations):
+    for k, line in enumerate(() if report is None else _fit(report.reservations)):
         place = 0.938 - 0.013 * k
-        figure.text(0.07, place, _cut(said, 190), fontsize=9, color=ALARM, va="center", parse_math=False)
+        figure.text(0.07, place, line, fontsize=9, color=ALARM, va="center", parse_math=False)
+
+
+def _fit(lines: tuple[str, ...]) -> list[str]:
+    """Return ``lines`` as the two that there is room for above the legend: as they are, or one after the other."""
+    if len(lines) <= 2:
+        return [_cut(line, 190) for line in lines]
+    return textwrap.wrap("; ".join(lines), 190, max_lines=2, placeholder=" …")
 
 
 def _cut(line: str, length: int) -> str:
     return line if len(line) <= length else line[: length - 1] + "…"
 
 
-def _draw_keys(figure: Figure, plan: Plan, rows: tuple[GaitRow, ...]) -> None:
+def _draw_keys(figure: Figure, plan: Plan, rows: tuple[GaitRow, ...], has_planned: bool) -> None:
     actions = [Patch(facecolor=shade, label=kind) for kind, shade in ACTION_SHADES.items()]
     fingers = [
         Line2D([], [], color=get_finger_color(k), lw=4, label=row.finger) for k, row in enumerate(rows)
     ]
     others: list[Line2D | Patch] = [
         Line2D([], [], color=INK, marker="X", linestyle="", markersize=8, label="limiting finger"),
-        Line2D([], [], color=INK, linestyle=":", label="planned force"),
     ]
+    if has_planned:
+        others.append(Line2D([], [], color=INK, linestyle=":", label="planned force"))
     if any(action.rolls for action in plan.actions):
         others.append(Patch(facecolor="#888888", edgecolor="white", hatch="////", label="rolls"))
     handles = [*fingers, *others, *actions]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,19 +16,24 @@ from matplotlib.image import imread
 from dexplan.errors import RunFolderError
 from dexplan.plans.actions import Action, Hold, MoveObject, Relocate, Roll
 from dexplan.plans.plan import Plan
-from dexplan.run_folder import check_replaceable
+from dexplan.run_folder import check_replaceable, list_stills
 from dexplan.sim.trace import Trace
 from dexplan.viz.canvas import SOFTWARE
+from dexplan.viz.film import FilmOptions
 from dexplan.viz.palette import INK, get_finger_color
 from dexplan.viz.timeline import build_action_spans
-from dexplan.viz.video import render_frames
+from dexplan.viz.video import STILL, render_frames
 
+FIGURES = ("fig3_rewind", "fig4_substitution", "fig5_dextrous")
+"""The built-in problems of the paper's figures 3, 4 and 5."""
 CAMERA = "top"
 """The paper looks down on the ball."""
-FRAME_SIZE = (480, 480)
+FRAME_SIZE = (720, 720)
 COLUMNS = 6
 MOST_FRAMES = 12
-CROP = 0.66
+MOST_STILLS = 999
+"""Pictures that are drawn of one run at most; their names count to as many."""
+CROP = 0.5
 """Share of the picture, around its middle, that is shown: the ball and the fingertips."""
 
 
@@ -102,9 +107,8 @@ def draw_frames(
         raise ValueError(f"{columns} columns make no row; 1 or more are accepted")
     frames = choose_frames(trace, plan, most)
     with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
-        paths = render_frames(
-            trace, [f.time for f in frames], folder, plan=plan, size=FRAME_SIZE, camera=camera
-        )
+        options = FilmOptions(FRAME_SIZE, (camera,), quality="fine", is_told=False)
+        paths = render_frames(trace, [f.time for f in frames], folder, plan=plan, options=options)
         pictures = [_crop(imread(p)) for p in paths]
     figure = _compose(frames, pictures, columns, len(_list_frames(trace, plan)))
     target = Path(path)
@@ -122,13 +126,57 @@ def draw_run_frames(folder: str | os.PathLike[str], most: int = MOST_FRAMES, cam
     """Write ``frames.png`` into a run folder; return its path.  Raises RunFolderError for anything but a run folder."""
     folder = Path(folder)
     check_replaceable(folder / "frames.png")
+    trace, plan = _load_run(folder)
+    return draw_frames(trace, plan, folder / "frames.png", most=most, camera=camera)
+
+
+def draw_stills(
+    folder: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    every: float | None = None,
+    camera: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Path, ...]:
+    """Draw pictures of the run in ``folder`` into ``out``, ``frame_001.png`` and so on; return their paths.
+
+    Without ``every`` [s]: the start of the run and the end of every action but holds.  ``camera`` None: the film's.  Pictures
+    of an older run in ``out`` make room, all of them.  Raises RunFolderError for anything but a run folder, and where a file in
+    the way is not ours; RenderError where nothing can be drawn on this machine.
+    """
+    trace, plan = _load_run(Path(folder))
+    start, span = float(trace["time"][0]), float(trace["time"][-1] - trace["time"][0])
+    count = len(_list_frames(trace, plan)) if every is None else int(min(span / every + 1e-9, 1e9)) + 1
+    if count > MOST_STILLS:
+        fact = f"{count} pictures would be drawn"
+        raise RunFolderError(str(folder), fact, f"at most {MOST_STILLS} are; take more time between them")
+    if every is None:
+        times = [frame.time for frame in _list_frames(trace, plan)]
+    else:
+        times = [start + k * every for k in range(count)]
+    target = Path(out)
+    old = list_stills(target)
+    for path in {*old, *(target / f"frame_{k:03d}.png" for k in range(1, len(times) + 1))}:
+        check_replaceable(path)
+    options = STILL if camera is None else replace(STILL, cameras=(camera,))
+    paths = render_frames(trace, times, target, plan=plan, options=options, progress=progress)
+    for path in {*old} - {*paths}:
+        path.unlink(missing_ok=True)
+    return paths
+
+
+def check_drawable(folder: Path) -> None:
+    """Raise RunFolderError for a folder without a trace and a plan."""
     for name in ("trace.npz", "plan.json"):
         if not (folder / name).is_file():
             raise RunFolderError(
                 str(folder / name), "there is no such file", "a folder written by `dexplan run` is needed"
             )
-    trace, plan = Trace.load(folder / "trace.npz"), Plan.load(folder / "plan.json")
-    return draw_frames(trace, plan, folder / "frames.png", most=most, camera=camera)
+
+
+def _load_run(folder: Path) -> tuple[Trace, Plan]:
+    check_drawable(folder)
+    return Trace.load(folder / "trace.npz"), Plan.load(folder / "plan.json")
 
 
 def _compose(frames: Sequence[Frame], pictures: Sequence[np.ndarray], columns: int, total: int) -> Figure:

@@ -10,16 +10,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from dexplan.plans.actions import Action, MoveObject, Relocate
-from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.actions import Action
 from dexplan.plans.phases import MAY, MUST
 from dexplan.plans.plan import Plan
+from dexplan.sim import contact_table
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
 
@@ -47,8 +46,7 @@ class Span:
 
 def read_finger_names(trace: Trace) -> tuple[str, ...]:
     """Return the fingers' names in the order of the trace's columns, read off its model's tips."""
-    names = (geom.get("name", "") for geom in ElementTree.fromstring(trace.model_xml).iter("geom"))
-    return tuple(name.removesuffix("/tip") for name in names if name.endswith("/tip"))
+    return contact_table.read_finger_names(trace.model_xml)
 
 
 def build_gait_rows(trace: Trace) -> tuple[GaitRow, ...]:
@@ -84,53 +82,10 @@ def gait_text(source: Trace | Plan, width: int = 100) -> str:
     return _trace_text(source, width) if isinstance(source, Trace) else _plan_text(source, width)
 
 
-def describe_action(plan: Plan, action_index: int, phase_index: int = 0) -> str:
-    """Return where in the plan this is, for instance ``3/14 place finger_3 · approach``."""
-    if not 0 <= action_index < len(plan.actions):
-        return ""
-    action = plan.actions[action_index]
-    text = f"{action_index + 1}/{len(plan.actions)} {action.name}"
-    moving = [action.finger] if isinstance(action, Relocate) else [way.finger for way in action.ways]
-    if moving:
-        text += " " + ", ".join(plan.fingers[finger] for finger in moving)
-    if action.rolls:
-        text += " " + ", ".join(plan.fingers[roll.finger] for roll in action.rolls)
-    if isinstance(action, MoveObject):
-        text += f" {_describe_motion(action.motion)}"
-    if len(action.phases) > 1 and 0 <= phase_index < len(action.phases):
-        text += f" · {action.phases[phase_index].name}"
-    return text
-
-
-def build_captions(plan: Plan) -> dict[str, Any]:
-    """Return what a film says of ``plan``, as JSON data that a trace may carry: a text per action and phase, and the axis [W]."""
-    texts = [
-        [describe_action(plan, k, p) for p in range(max(1, len(action.phases)))]
-        for k, action in enumerate(plan.actions)
-    ]
-    return {"actions": texts, "axis_W": choose_axis(plan).tolist()}
-
-
-def read_caption(trace: Trace, action_index: int, phase_index: int) -> str:
-    """Return the text that the trace itself carries for a phase of an action; empty where it carries none."""
-    captions = trace.meta.get("captions")
-    texts = captions.get("actions") if isinstance(captions, dict) else None
-    if not isinstance(texts, list) or not 0 <= action_index < len(texts):
-        return ""
-    phases = texts[action_index]
-    is_there = isinstance(phases, list) and 0 <= phase_index < len(phases)
-    return str(phases[phase_index]) if is_there else ""
-
-
-def choose_axis(plan: Plan | None, trace: Trace | None = None) -> Array:
-    """Return the world axis (3,) about which to count the turn: the goal's, its attitude's, what the trace says, or upwards."""
+def choose_axis(plan: Plan | None) -> Array:
+    """Return the world axis (3,) about which to count the turn: the goal's, its attitude's, or upwards."""
     if plan is None:
-        captions = {} if trace is None else trace.meta.get("captions")
-        axis = np.array(
-            captions.get("axis_W", _UPWARDS) if isinstance(captions, dict) else _UPWARDS, dtype=float
-        )
-        is_direction = axis.shape == (3,) and np.isfinite(axis).all() and np.linalg.norm(axis) > 1e-6
-        return axis / np.linalg.norm(axis) if is_direction else np.array(_UPWARDS)
+        return np.array(_UPWARDS)
     if plan.axis_W is not None:
         return plan.axis_W
     turn = Rotation.from_matrix(plan.X_WO_goal[:3, :3] @ plan.X_WO_start[:3, :3].T).as_rotvec()
@@ -148,14 +103,6 @@ def compute_turned_angle(pose7: ArrayLike, axis_W: ArrayLike) -> Array:
     quat = (rotations * rotations[0].inv()).as_quat(scalar_first=True)
     axis = np.asarray(axis_W, dtype=np.float64)
     return np.unwrap(2.0 * np.arctan2(quat[:, 1:] @ (axis / np.linalg.norm(axis)), quat[:, 0]))
-
-
-def _describe_motion(motion: ObjectMotion) -> str:
-    shift = float(np.linalg.norm(motion.shift_W))
-    angle = f"{np.degrees(motion.angle):+.0f}°"
-    if shift < 1e-4:
-        return angle
-    return f"{shift * 1e3:.0f} mm" if abs(motion.angle) < 1e-4 else f"{angle} {shift * 1e3:.0f} mm"
 
 
 class _Run(NamedTuple):

@@ -8,28 +8,27 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from dexplan.errors import RenderError, RunFolderError
 from dexplan.plans.plan import Plan
 from dexplan.sim.trace import Trace
+from dexplan.viz.encoder import GIF, find_encoder
+from dexplan.viz.film import GIF_FPS, Film, FilmOptionError, FilmOptions, count_pictures
 
 BACKENDS = ("egl", "osmesa")
 """GL platforms that need no display, in the order in which they are tried."""
 FILMS = (".mp4", ".gif")
 STILLS = (".png",)
 """What can be written, by suffix."""
-SIZE = (640, 480)
-FPS = 30.0
-GIF_FPS = 20.0
-"""A GIF counts in hundredths of a second; more pictures would not keep the time of the run."""
-CAMERA = "overview"
+STILL = FilmOptions(quality="fine")
+"""Stills can afford shadows."""
 
 NO_RENDERER = (
     "no offscreen renderer could be started; install EGL with `apt-get install libegl1 libgl1`"
@@ -43,40 +42,44 @@ def render_video(
     trace: Trace,
     plan: Plan | None,
     path: str | os.PathLike[str],
+    options: FilmOptions | None = None,
     *,
-    size: tuple[int, int] = SIZE,
-    fps: float = FPS,
-    camera: str = CAMERA,
     progress: Progress | None = None,
-) -> Path:
-    """Write the film of ``trace`` at the speed of the run, whole or not at all; return its path.
+) -> Film:
+    """Write the film of ``trace``, whole or not at all; return it.
 
-    ``.mp4`` is H.264 in yuv420p, ``.gif`` an animation of at most 20 pictures a second.  Captions come from the plan, without
-    one from what the trace carries; marks of goal contacts need the plan.  ``progress`` is called with the share done.
-    Raises RenderError where nothing can be drawn on this machine, and for another suffix, an odd size or an unknown camera.
+    ``.mp4`` is H.264 in yuv420p, ``.gif`` an animation of at most 20 pictures a second.  Words and goals come from the plan,
+    without one from what the trace carries.  ``progress`` is called with the share done.
+    Raises RenderError where nothing can be drawn on this machine, and for another suffix; FilmOptionError for a size that
+    cannot be encoded, and for an unknown camera.
     """
-    _check_suffix(Path(path), FILMS)
+    target = Path(path)
+    _check_suffix(target, FILMS)
+    options = _fit(options or FilmOptions(), target)
     with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
         files = _save_values(trace, plan, Path(folder))
-        return _film(*files, Path(path), size, fps, camera, progress)
+        return _film(trace, *files, target, options, progress)
 
 
 def render_run(
     folder: str | os.PathLike[str],
+    options: FilmOptions | None = None,
     *,
-    size: tuple[int, int] = SIZE,
-    fps: float = FPS,
-    camera: str = CAMERA,
+    path: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
-) -> Path:
-    """Write ``video.mp4`` into a run folder, from its trace and its plan if it has one; return its path."""
+) -> Film:
+    """Film a run folder, from its trace and its plan if it has one, into its ``video.mp4`` or ``path``; return the film."""
     folder = Path(folder)
-    trace, plan = folder / "trace.npz", folder / "plan.json"
-    if not trace.is_file():
+    source, plan = folder / "trace.npz", folder / "plan.json"
+    if not source.is_file():
         raise RunFolderError(
-            str(trace), "there is no such file", "a folder written by `dexplan run` is needed"
+            str(source), "there is no such file", "a folder written by `dexplan run` is needed"
         )
-    return _film(trace, plan if plan.is_file() else None, folder / "video.mp4", size, fps, camera, progress)
+    target = folder / "video.mp4" if path is None else Path(path)
+    _check_suffix(target, FILMS)
+    options = _fit(options or FilmOptions(), target)
+    trace = Trace.load(source)
+    return _film(trace, source, plan if plan.is_file() else None, target, options, progress)
 
 
 def render_frame(
@@ -85,13 +88,12 @@ def render_frame(
     path: str | os.PathLike[str],
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = SIZE,
-    camera: str = CAMERA,
+    options: FilmOptions | None = None,
 ) -> Path:
     """Write the sample nearest to ``time`` [s] as PNG, with shadows and smooth edges; return its path."""
     target = Path(path)
     _check_suffix(target, STILLS)
-    _draw_stills(trace, plan, {target: time}, size, camera)
+    _draw_stills(trace, plan, {target: time}, options or STILL)
     return target
 
 
@@ -101,25 +103,29 @@ def render_frames(
     folder: str | os.PathLike[str],
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = SIZE,
-    camera: str = CAMERA,
+    options: FilmOptions | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Path, ...]:
     """Write the samples at ``times`` [s] to ``folder``, ``frame_001.png`` and so on; return their paths."""
     targets = {Path(folder) / f"frame_{k:03d}.png": time for k, time in enumerate(times, start=1)}
     if targets:
-        _draw_stills(trace, plan, targets, size, camera)
+        _draw_stills(trace, plan, targets, options or STILL, progress)
     return tuple(targets)
 
 
 def _draw_stills(
-    trace: Trace, plan: Plan | None, targets: Mapping[Path, float], size: tuple[int, int], camera: str
+    trace: Trace,
+    plan: Plan | None,
+    targets: Mapping[Path, float],
+    options: FilmOptions,
+    progress: Progress | None = None,
 ) -> None:
     partials = {target: _partial(target) for target in targets}
     stills = [{"time": float(t), "path": str(partials[target].absolute())} for target, t in targets.items()]
     try:
         with tempfile.TemporaryDirectory(prefix="dexplan-") as folder:
             files = _save_values(trace, plan, Path(folder))
-            _run_job(_build_job(*files, size, camera, stills=stills), None)
+            _run_job(_build_job(*files, options, stills=stills), progress)
         for target, partial in partials.items():
             partial.replace(target)
     finally:
@@ -127,47 +133,37 @@ def _draw_stills(
             partial.unlink(missing_ok=True)
 
 
+def _fit(options: FilmOptions, target: Path) -> FilmOptions:
+    """Return options that the container of ``target`` can hold."""
+    width, height = options.size
+    if width % 2 or height % 2:
+        raise FilmOptionError(
+            f"a video of {width}x{height} cannot be encoded; even width and height are accepted"
+        )
+    is_gif = target.suffix.lower() == GIF
+    return replace(options, fps=min(options.fps, GIF_FPS)) if is_gif else options
+
+
 def _film(
-    trace: Path,
+    trace: Trace,
+    source: Path,
     plan: Path | None,
     target: Path,
-    size: tuple[int, int],
-    fps: float,
-    camera: str,
+    options: FilmOptions,
     progress: Progress | None,
-) -> Path:
-    if size[0] % 2 or size[1] % 2:
-        raise RenderError(
-            f"a video of {size[0]}x{size[1]} cannot be encoded; even width and height are accepted"
-        )
-    container = target.suffix.lower()
-    if container == ".gif":
-        fps = min(fps, GIF_FPS)
-    film = {"fps": fps, "ffmpeg": _find_encoder(), "container": container}
+) -> Film:
     partial = _partial(target)
-    film["video"] = str(partial.absolute())
+    film = {
+        "ffmpeg": find_encoder(),
+        "path": str(partial.absolute()),
+        "container": target.suffix.lower(),
+    }
     try:
-        _run_job(_build_job(trace, plan, size, camera, **film), progress)
+        _run_job(_build_job(source, plan, options, film=film), progress)
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)
-    return target
-
-
-def _find_encoder() -> str:
-    import imageio_ffmpeg
-
-    try:
-        encoder = str(imageio_ffmpeg.get_ffmpeg_exe())
-    except RuntimeError as error:
-        raise RenderError(
-            "no video encoder was found; install ffmpeg, or imageio-ffmpeg from a wheel that brings one"
-        ) from error
-    if shutil.which(encoder) is None:
-        raise RenderError(
-            f"the video encoder {encoder!r} is no program; unset IMAGEIO_FFMPEG_EXE or let it name an ffmpeg"
-        )
-    return encoder
+    return Film(target, options.size, count_pictures(trace, options) / options.fps, options.fps)
 
 
 def _check_suffix(path: Path, accepted: tuple[str, ...]) -> None:
@@ -190,16 +186,14 @@ def _save_values(trace: Trace, plan: Plan | None, folder: Path) -> tuple[Path, P
     return trace_path, folder / "plan.json"
 
 
-def _build_job(
-    trace: Path, plan: Path | None, size: tuple[int, int], camera: str, **output: object
-) -> dict[str, Any]:
-    """Return what ``render_process`` has to do; ``output`` is either ``stills`` or a film."""
+def _build_job(trace: Path, plan: Path | None, options: FilmOptions, **output: object) -> dict[str, Any]:
+    """Return what ``render_process`` has to do; ``output`` is either ``stills`` or a ``film``."""
     return {
         "trace": str(trace.absolute()),
         "plan": None if plan is None else str(plan.absolute()),
-        "size": list(size),
-        "camera": camera,
+        "options": asdict(options),
         "stills": [],
+        "film": None,
         **output,
     }
 
@@ -259,7 +253,8 @@ def _attempt(job: Mapping[str, Any], backend: str, progress: Progress | None) ->
         if "no_renderer" in said:
             return str(said["no_renderer"]["fact"])
         if "refused" in said:
-            raise RenderError(said["refused"]["message"])
+            kind = RenderError if said["refused"]["kind"] == RenderError.__name__ else FilmOptionError
+            raise kind(said["refused"]["message"])
         complaints.seek(0)
         complaint = complaints.read().decode(errors="replace").strip()
     if "ready" not in said and code < 0:

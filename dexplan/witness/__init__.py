@@ -9,7 +9,7 @@
 ``adjustments``   random goal grasps; ``shifts``: random shifts
 ``confirmation``  built-in problems and random worlds: planned, carried out, judged
 ``brute_force``   a refusal held against a grid of contacts
-``endurance``     goal after goal in one rollout
+``endurance``     goal after goal in one rollout; ``endurance_picture``: told and drawn
 ``digests``       fingerprints of plans
 ================  ==================================================================================
 
@@ -27,6 +27,7 @@ __all__ = [
     "confirmation",
     "digests",
     "endurance",
+    "endurance_picture",
     "experiments",
     "force_audit",
     "lifted",

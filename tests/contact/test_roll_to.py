@@ -17,7 +17,7 @@ from dexplan.contact.surfaces.shapes import Sphere
 from dexplan.spatial import Array
 
 TIP, BALL = Sphere(0.018), Sphere(0.035)
-LIMITS = RollLimits(np.radians(80.0), np.radians(75.0))
+LIMITS = RollLimits(np.radians(80.0), np.radians(75.0), samples=60)
 STRAIGHT_DEG = 80.0 * 18.0 / 35.0
 """How far a straight roll from the pole goes on the ball: 41.1 degrees."""
 
@@ -68,7 +68,7 @@ def test_plans_are_valid_and_no_longer_than_straight_when_that_is_allowed(
 ) -> None:
     X, n = _start(seed, off)
     goal = _goal(n, seed, away)
-    plan = roll_to(X, goal, TIP, BALL, LIMITS, samples=60)
+    plan = roll_to(X, goal, TIP, BALL, LIMITS)
     if plan.status == "out_of_reach":
         assert away > np.radians(120.0)
         return
@@ -87,9 +87,7 @@ def test_the_pole_is_on_the_contact_at_the_end(
 ) -> None:
     X, n = _start(seed, off)
     goal = _goal(n, seed, away)
-    plan = roll_to(
-        X, goal, TIP, BALL, LIMITS, is_pole_at_end=True, is_spin_cancelled=is_spin_cancelled, samples=60
-    )
+    plan = roll_to(X, goal, TIP, BALL, LIMITS, end="pole_without_spin" if is_spin_cancelled else "pole")
     _require_valid(plan, X, goal)
     assert plan.paths[-1].polar_angle[-1] < 1e-7
     if is_spin_cancelled and off == 0.0:
@@ -141,7 +139,7 @@ def test_the_papers_manoeuvre_is_found_where_the_pole_has_to_end_on_the_contact(
     once = RollingTriangle(TIP.radius, BALL.radius, 0.5 * np.pi, np.radians(60.0)).displacement
     X, n = _start(2)
     goal = _goal(n, 2, 4.0 * once)
-    plan = roll_to(X, goal, TIP, BALL, limits, is_pole_at_end=True, is_spin_cancelled=True)
+    plan = roll_to(X, goal, TIP, BALL, limits, end="pole_without_spin")
     _require_valid(plan, X, goal, limits)
     assert plan.kind in ("triangles LRLR", "triangles RLRL")
     assert plan.total_length == pytest.approx(4.0 * TIP.radius * (np.pi + np.radians(60.0)), abs=1e-9)
@@ -152,7 +150,7 @@ def test_a_veto_on_one_hand_is_answered_with_the_other_or_with_lifts() -> None:
     X, n = _start(3)
     goal = _goal(n, 3, np.radians(25.0))
     side = np.cross(n, goal) / np.linalg.norm(np.cross(n, goal))
-    first = roll_to(X, goal, TIP, BALL, LIMITS, is_pole_at_end=True)
+    first = roll_to(X, goal, TIP, BALL, LIMITS, end="pole")
     mean = float((first.paths[0].n_O @ side).mean())
 
     def is_on_one_side(X_OF: Array) -> NDArray[np.bool_]:
@@ -162,19 +160,15 @@ def test_a_veto_on_one_hand_is_answered_with_the_other_or_with_lifts() -> None:
         TIP.radius, BALL.radius, LIMITS.tip_polar_limit, LIMITS.tip_rotation_limit
     ).displacement
     near = _goal(n, 3, 0.9 * once)
-    one = roll_to(X, near, TIP, BALL, LIMITS, is_pole_at_end=True, is_admissible=is_on_one_side)
+    one = roll_to(X, near, TIP, BALL, LIMITS, end="pole", is_admissible=is_on_one_side)
     _require_valid(one, X, near)
     assert is_on_one_side(one.path.X_OF).all()
     # Mirrored pairs go to both sides: without spin only lifts remain.
-    refused = roll_to(
-        X, goal, TIP, BALL, LIMITS, is_pole_at_end=True, is_spin_cancelled=True, is_admissible=is_on_one_side
-    )
+    refused = roll_to(X, goal, TIP, BALL, LIMITS, end="pole_without_spin", is_admissible=is_on_one_side)
     assert refused.status == "not_admissible"
     assert "none is admissible all along" in refused.reason
     lifting = RollLimits(LIMITS.tip_polar_limit, LIMITS.tip_rotation_limit, max_lifts=4)
-    plan = roll_to(
-        X, goal, TIP, BALL, lifting, is_pole_at_end=True, is_spin_cancelled=True, is_admissible=is_on_one_side
-    )
+    plan = roll_to(X, goal, TIP, BALL, lifting, end="pole_without_spin", is_admissible=is_on_one_side)
     _require_valid(plan, X, goal)
     assert "lifts" in plan.kind
     with pytest.raises(ValueError, match="a way without lifts has one"):
@@ -191,7 +185,7 @@ def test_a_goal_on_the_other_side_is_reached() -> None:
 
 def test_staying_is_a_way() -> None:
     X, n = _start(5)
-    plan = roll_to(X, n, TIP, BALL, LIMITS, is_pole_at_end=True, is_spin_cancelled=True)
+    plan = roll_to(X, n, TIP, BALL, LIMITS, end="pole_without_spin")
     assert (plan.status, plan.kind) == ("found", "stay")
     assert plan.total_length < 1e-12
 
@@ -213,7 +207,7 @@ def test_truthful_when_there_is_no_way() -> None:
     assert stuck.status == "start_not_admissible"
     same = X.copy()
     same[:3, 3] = 0.07 * n
-    equal = roll_to(same, goal, Sphere(0.035), BALL, LIMITS, is_pole_at_end=True)
+    equal = roll_to(same, goal, Sphere(0.035), BALL, LIMITS, end="pole")
     assert equal.status == "out_of_reach"
     assert "not as large as the ball" in equal.reason
 
@@ -226,7 +220,7 @@ def test_a_goal_just_out_of_reach_is_in_reach_with_one_more_cycle() -> None:
     goal = _goal(n, 7, 3.01 * once)
     for cycles, status in ((3, "out_of_reach"), (4, "found")):
         limits = RollLimits(LIMITS.tip_polar_limit, LIMITS.tip_rotation_limit, max_cycles=cycles)
-        assert roll_to(X, goal, TIP, BALL, limits, is_pole_at_end=True).status == status
+        assert roll_to(X, goal, TIP, BALL, limits, end="pole").status == status
 
 
 def test_spin_is_cancelled_by_pairs_only() -> None:
@@ -237,7 +231,7 @@ def test_spin_is_cancelled_by_pairs_only() -> None:
     X, n = _start(7)
     goal = _goal(n, 7, 2.5 * once)
     limits = RollLimits(LIMITS.tip_polar_limit, LIMITS.tip_rotation_limit, max_cycles=3)
-    plan = roll_to(X, goal, TIP, BALL, limits, is_pole_at_end=True, is_spin_cancelled=True)
+    plan = roll_to(X, goal, TIP, BALL, limits, end="pole_without_spin")
     assert plan.status == "out_of_reach"
     assert f"at most about {np.degrees(2.0 * once):.3g} can be rolled" in plan.reason
 
@@ -246,7 +240,7 @@ def test_a_tip_larger_than_the_ball_gets_ahead_too() -> None:
     X, n = _start(10)
     X[:3, 3] = 0.055 * n
     goal = _goal(n, 10, 0.3)
-    plan = roll_to(X, goal, Sphere(0.035), Sphere(0.020), LIMITS, is_pole_at_end=True)
+    plan = roll_to(X, goal, Sphere(0.035), Sphere(0.020), LIMITS, end="pole")
     assert plan.is_found, plan.reason
     assert np.allclose(plan.path.n_O[-1], goal, atol=1e-9)
     assert plan.path.polar_angle[-1] < 1e-7
@@ -254,8 +248,10 @@ def test_a_tip_larger_than_the_ball_gets_ahead_too() -> None:
 
 def test_mistakes_are_named() -> None:
     X, n = _start(8)
-    with pytest.raises(ValueError, match="spin is defined with the pole at the end"):
-        roll_to(X, n, TIP, BALL, LIMITS, is_spin_cancelled=True)
+    with pytest.raises(ValueError, match=r"'upright'.*'pole_without_spin' are accepted"):
+        roll_to(X, n, TIP, BALL, LIMITS, end="upright")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="from 1 and from 2 on"):
+        RollLimits(1.0, 1.0, samples=1)
     with pytest.raises(ValueError, match="shape"):
         roll_to(
             X,

@@ -193,7 +193,9 @@ def test_controller_sees_observations_only() -> None:
         "return": type(None),
     }
     senses = {field.name for field in dataclasses.fields(Observation)}
-    assert senses == {"time", "q", "qdot", "X_WO", "touching"}
+    assert senses == {"time", "q", "qdot", "X_WO", "touching", "motion"}
+    # The last one is no sense but the plan's, which the controller has, so it is not told.
+    assert Observation.motion is None
 
 
 def test_no_simulated_world_is_named_in_the_controllers_room() -> None:

@@ -9,6 +9,7 @@ from recheck import Recheck
 from dexplan import pipeline
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regrasp.moves import reverse_roll
+from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
 from dexplan.plans.actions import Action
 from dexplan.plans.plan import Plan
@@ -49,7 +50,12 @@ def directions(places: Places) -> tuple[Array | None, ...]:
 
 def adjust(hand: HandModel, start: Places, goal: Places, *, keep_object: bool = False) -> Plan:
     return plan_grasp_adjustment(
-        hand, hand.object.X_WO_home, directions(start), directions(goal), BUDGET, keep_object=keep_object
+        hand,
+        hand.object.X_WO_home,
+        directions(start),
+        directions(goal),
+        SearchOptions(BUDGET),
+        keep_object=keep_object,
     )
 
 

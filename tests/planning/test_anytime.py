@@ -15,7 +15,10 @@ from hypothesis import strategies as st
 from dexplan import pipeline
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import remember_clearances
-from dexplan.planning.gait.cost import (
+from dexplan.planning.gait.exchange import GaitNode
+from dexplan.planning.gait.search import GaitSearch
+from dexplan.planning.gait.steps import Step
+from dexplan.planning.search.cost import (
     ROOM,
     SHIFT,
     CostWeights,
@@ -23,8 +26,6 @@ from dexplan.planning.gait.cost import (
     compute_actions_cost,
     compute_cost,
 )
-from dexplan.planning.gait.search import GaitSearch, Node
-from dexplan.planning.gait.steps import Step
 from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan
@@ -147,7 +148,7 @@ def test_margins_are_the_plan_s_own(
     """Ways found later share its nodes, but move on from them less far or farther, with other margins."""
     found: list[tuple[float, list[Step]]] = []
 
-    def listen(search: GaitSearch, node: Node, weights: CostWeights) -> float:
+    def listen(search: GaitSearch, node: GaitNode, weights: CostWeights) -> float:
         cost = compute(search, node, weights)
         found.append((cost, search.steps(node)))
         return cost

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dexplan.planning.gait.legs import Leg
+from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.gait.routes import build_detours
 from dexplan.planning.regions.sampling import sample_attitude
 from dexplan.plans.goal import RotationGoal

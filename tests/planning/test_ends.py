@@ -7,6 +7,7 @@ import numpy as np
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_to_goal import measure_angle
+from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.ends import Ends, choose_beginnings
 from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.plans.goal import RotationGoal
@@ -21,7 +22,7 @@ def test_ends_differ_and_are_where_the_object_should_be(hand: HandModel) -> None
     beginnings = choose_beginnings(hand, hold, RING, Admissibility(hand))
     assert [a.name for a in beginnings[0].actions] == ["roll", "lift"]
     goal = RotationGoal(X_WO, np.array([0.6, 0.0, 0.8]), 1.0, is_attitude=True)
-    ends = Ends(hand, goal, beginnings, hold.start_contacts, 500, ("substitution",))
+    ends = Ends(hand, goal, beginnings, hold.start_contacts, SearchOptions(500))
     found = [end for k in range(3) if (end := ends.get(k, 200)) is not None]
     assert len(found) >= 2
     assert ends.opened > 0

@@ -12,8 +12,11 @@ from recheck import Recheck
 from scipy.spatial.transform import Rotation
 
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.cost import Improvement
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.oracle import Landfall, Purpose
+from dexplan.planning.contacts.orbit_landfalls import find_landings_on
 from dexplan.planning.gait.escape import (
     ALIKE,
     COUNT,
@@ -23,9 +26,8 @@ from dexplan.planning.gait.escape import (
     count_room,
     find_escapes,
 )
-from dexplan.planning.gait.held import Held, Landfall
-from dexplan.planning.gait.legs import Leg
 from dexplan.planning.gait.routes import build_routes, list_swings
+from dexplan.planning.search.cost import Improvement
 from dexplan.planning.tasks import object_manipulation as planner
 from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.plans.goal import RotationGoal
@@ -83,8 +85,8 @@ def find_landings(table: ContactTable, pair: Pair) -> int:
     """Return at how many places the search itself would let a free finger land beside the pair, right where it is."""
     held = {h.finger for h in pair}
     free = set(range(len(table.hand.fingers))) - held
-    asked = [Landfall(f, keep, pair, 0, "stand_in") for f in sorted(free) for keep in pair]
-    return sum(len(found) for found in table.landings(asked))
+    asked = [Landfall(f, keep, pair, 0, Purpose.STAND_IN) for f in sorted(free) for keep in pair]
+    return sum(len(found) for found in find_landings_on(table, asked))
 
 
 @pytest.mark.parametrize("number", STUCK)

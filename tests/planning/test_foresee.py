@@ -7,8 +7,8 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.legs import Leg
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.legs import Leg
 from dexplan.problems.read import load_problem
 from dexplan.spatial import Array
 

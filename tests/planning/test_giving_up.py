@@ -8,12 +8,14 @@ import pytest
 from dexplan import pipeline
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks import dextrous_manipulation as dextrous
 from dexplan.planning.tasks import grasp_adjustment as adjustment
 from dexplan.planning.tasks import passes
 from dexplan.planning.tasks.dextrous_manipulation import Order, plan_dextrous_manipulation
 from dexplan.planning.tasks.ends import BUDGETS, Ends, choose_beginnings
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
+from dexplan.planning.tasks.grasp_task import GraspTask
 from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.planning.tasks.passes import PASSES, Outcome, Stop
 from dexplan.planning.tasks.reorient import Turns
@@ -42,9 +44,12 @@ class Asked:
         self.start: tuple[Array | None, ...] = tuple(compute_contact_directions(problem.start.contacts_deg))
         self.goal: tuple[Array | None, ...] = tuple(question.contacts)
 
+    def pose(self) -> GraspTask:
+        return GraspTask(self.hand, self.X_WO, self.start, self.goal, SearchOptions(USUAL))
+
     def adjust(self, budget: int = USUAL, *, keep_object: bool = False) -> Plan:
         return plan_grasp_adjustment(
-            self.hand, self.X_WO, self.start, self.goal, budget, keep_object=keep_object
+            self.hand, self.X_WO, self.start, self.goal, SearchOptions(budget), keep_object=keep_object
         )
 
 
@@ -81,7 +86,9 @@ def test_adjustments_that_are_given_up(hard: Asked, monkeypatch: pytest.MonkeyPa
 def test_orders_that_are_given_up(hard: Asked, monkeypatch: pytest.MonkeyPatch, order: Order) -> None:
     monkeypatch.setattr(dextrous, "WORK", 0)
     goal = RotationGoal.from_attitude(hard.X_WO, hard.R_WO)
-    plan = plan_dextrous_manipulation(hard.hand, goal, hard.start, hard.goal, USUAL, order=order)
+    plan = plan_dextrous_manipulation(
+        hard.hand, goal, hard.start, hard.goal, SearchOptions(USUAL), order=order
+    )
     if plan.status != "goal_grasp_inadmissible":
         check_gave_up(plan)
 
@@ -102,16 +109,15 @@ def test_every_way_is_begun_before_any_gets_more(hard: Asked, monkeypatch: pytes
     ways = [RotationGoal(hard.X_WO, VERTICAL, angle) for angle in (0.5, 1.0, 1.5)]
     motions = [adjustment.ObjectMotion(w.X_WO_start, w.axis_W, w.angle, np.zeros(3)) for w in ways]
 
-    def run(self: Stages, before: adjustment.ObjectMotion, *_: object, **kwargs: object) -> Outcome:
-        part = kwargs["part"]
-        assert isinstance(part, passes.Pass)
-        asked.append((motions.index(before), PASSES.index(part)))
+    def run(self: Stages, way: passes.GraspWay, allowance: passes.Allowance) -> Outcome:
+        assert allowance.part is not None
+        asked.append((motions.index(way.before), PASSES.index(allowance.part)))
         self.work += 1
         return Outcome(why=Refusal(RefusalKind.WORK_USED_UP), stop=Stop.GAIT, gave_up=True)
 
     monkeypatch.setattr(Stages, "run", run)
-    stages = Stages(hard.hand, hard.X_WO, hard.start, hard.goal, USUAL, ("substitution",))
-    done = stages.run_all([(m, adjustment.rest_at(hard.X_WO)) for m in motions], PASSES, 900, True, False)
+    stages = Stages(hard.pose())
+    done = stages.run_all([passes.GraspWay(m, adjustment.rest_at(hard.X_WO)) for m in motions], PASSES, 900)
     assert done.gave_up
     assert not done.ran_out
     numbers = [number for _, number in asked]
@@ -122,20 +128,20 @@ def test_every_way_is_begun_before_any_gets_more(hard: Asked, monkeypatch: pytes
 def test_attitudes_between_those_of_the_grid_are_found() -> None:
     """The load presses these contacts together in one attitude in two hundred: steps of ten degrees miss them all."""
     asked = Asked(9054)
-    stages = Stages(asked.hand, asked.X_WO, asked.start, asked.goal, USUAL, ("substitution",))
-    turn = next(Turns(stages).choose(), None)
+    task = asked.pose()
+    turn = next(Turns(task).choose(), None)
     assert turn is not None
     X_WO = adjustment.ObjectMotion(asked.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
-    contacts, missing = stages.land_goal(X_WO)
+    contacts, missing = task.land_goal(X_WO)
     assert not missing
-    assert stages.refuse_goal(X_WO, contacts) is None
+    assert task.refuse_goal(X_WO, contacts) is None
 
 
 def test_ends_go_on_where_they_stopped(hard: Asked) -> None:
     hold = plan_rotation(hard.hand, RotationGoal(hard.X_WO, VERTICAL, 0.0), hard.start, USUAL)
     beginnings = choose_beginnings(hard.hand, hold, hard.start, Admissibility(hard.hand))
     goal = RotationGoal.from_attitude(hard.X_WO, hard.R_WO)
-    ends = Ends(hard.hand, goal, beginnings, hold.start_contacts, USUAL, ("substitution",))
+    ends = Ends(hard.hand, goal, beginnings, hold.start_contacts, SearchOptions(USUAL))
     assert ends.get(0, 500, depth=0) is None or ends.opened <= BUDGETS[0]
     opened = ends.opened
     assert opened <= BUDGETS[0]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
 from dexplan.plans.plan import Plan
 from dexplan.spatial import Array, direction_from_angles
@@ -24,7 +25,7 @@ GOAL: tuple[Array | None, ...] = (
 def plan(hand: HandModel) -> Plan:
     """A plan that puts finger 2 a little higher."""
     start = (GOAL[0], direction_from_angles(102.0, 0.0), None)
-    return plan_grasp_adjustment(hand, hand.object.X_WO_home, start, GOAL, 500)
+    return plan_grasp_adjustment(hand, hand.object.X_WO_home, start, GOAL, SearchOptions(500))
 
 
 def test_goal_contacts_survive_a_file(hand: HandModel, plan: Plan, tmp_path: Path) -> None:
@@ -46,7 +47,7 @@ def test_goal_contacts_survive_a_file(hand: HandModel, plan: Plan, tmp_path: Pat
 
 def test_a_refusal_names_them_too(hand: HandModel) -> None:
     goal = (direction_from_angles(0.0, 0.0), direction_from_angles(90.0, 0.0), None)
-    refused = plan_grasp_adjustment(hand, hand.object.X_WO_home, GOAL, goal, 500)
+    refused = plan_grasp_adjustment(hand, hand.object.X_WO_home, GOAL, goal, SearchOptions(500))
     assert not refused.is_solved
     assert refused.as_dict()["goal"]["contacts"]["finger_3"] is None
     np.testing.assert_allclose(

@@ -8,9 +8,8 @@ import pytest
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.still import build_landings, change_stand
 from dexplan.planning.regrasp.goal_side import GoalSide
-from dexplan.planning.regrasp.nodes import change_stand
-from dexplan.planning.regrasp.still import build_landings
 from dexplan.spatial import Array, direction_from_angles
 
 PAIR: tuple[Array | None, ...] = (

@@ -10,9 +10,9 @@ from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pos
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import LoneClearance
-from dexplan.planning.gait import candidates
-from dexplan.planning.gait.candidates import POLAR_SPACING, Landings, find_landings
-from dexplan.planning.gait.legs import CIRCLE, Leg
+from dexplan.planning.contacts import candidates
+from dexplan.planning.contacts.candidates import POLAR_SPACING, Landings, find_landings
+from dexplan.planning.contacts.legs import CIRCLE, Leg
 from dexplan.plans.motion import STEP
 from dexplan.spatial import Array, make_pose, rotate_about
 

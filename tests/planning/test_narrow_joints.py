@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.gait.orbits import measure_roll_room
+from dexplan.planning.contacts.orbits import measure_roll_room
 from dexplan.plans.plan import Plan
 from dexplan.problems.read import load_problem
 

@@ -8,7 +8,7 @@ import pytest
 from dexplan import pipeline
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.gait.escape import count_room
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.rolling.roll_gait import RollToPair

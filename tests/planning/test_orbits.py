@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, compute_tip_pose
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.legs import Leg
-from dexplan.planning.gait.orbits import Orbit, _measure_windows, build_fixed_orbit, build_orbits
-from dexplan.planning.gait.stops import StopKind
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.orbits import Orbit, _measure_windows, build_fixed_orbit, build_orbits
+from dexplan.planning.contacts.stops import StopKind
 from dexplan.plans.motion import STEP
 from dexplan.spatial import Array, direction_from_angles, make_pose, rotate_about
 

@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.cost import CostWeights
-from dexplan.planning.gait.held import Held
-from dexplan.planning.gait.legs import Leg
-from dexplan.planning.gait.nodes import Node, trace_back
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.oracle import Progress
+from dexplan.planning.gait.exchange import GaitNode
 from dexplan.planning.gait.ranking import Ranking
 from dexplan.planning.gait.search import GaitSearch
+from dexplan.planning.search.cost import CostWeights
+from dexplan.planning.search.nodes import Node, trace_back
 from dexplan.spatial import direction_from_angles
 
 UP, SIDE = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
@@ -35,10 +37,22 @@ def tables(hand: HandModel, route: tuple[Leg, Leg]) -> list[ContactTable]:
     return [ContactTable(hand, leg) for leg in route]
 
 
-def build_node(leg: int, done: int, lefts: tuple[int, int], placements: int = 0, load: float = 0.5) -> Node:
+def build_node(
+    leg: int, done: int, lefts: tuple[int, int], placements: int = 0, load: float = 0.5
+) -> GaitNode:
     """Return a node of two contacts that can be carried so far; where they are matters only where a leg follows."""
     held = (Held(0, 0, 0, 0, lefts[0]), Held(1, 0, 0, 0, lefts[1]))
-    return Node(leg, done, held, placements, promise=min(lefts), load=load)
+    return Node(Progress(leg, done), held, placements, promise=min(lefts), strain=load)
+
+
+def estimate(ranking: Ranking, node: GaitNode) -> GaitNode:
+    """Return a node with its bound."""
+    return replace(node, bound=ranking.estimate_missing(node))
+
+
+def rank_of(ranking: Ranking, node: GaitNode) -> float:
+    """Return the priority of a node, its bound known."""
+    return ranking.rank(estimate(ranking, node))
 
 
 @pytest.mark.parametrize("rewinds_only", [False, True])
@@ -47,8 +61,8 @@ def test_nothing_is_missing_where_the_goal_is_reached(tables: list[ContactTable]
     for done in (0, last - 3, last):
         there = build_node(1, done, (last - done, last - done + 9))
         assert ranking.estimate_missing(there) == 0.0
-        assert ranking.rank(there) == pytest.approx(there.load)
-        assert ranking.foresee_cost(there, CostWeights(1.0, 0.0, 0.0, 0.0)) == 0.0
+        assert rank_of(ranking, there) == pytest.approx(there.strain)
+        assert ranking.foresee_cost(estimate(ranking, there), CostWeights(1.0, 0.0, 0.0, 0.0)) == 0.0
         if done < last:
             short = build_node(1, done, (last - done - 1, last - done + 9))
             assert ranking.estimate_missing(short) > 0.5
@@ -75,9 +89,11 @@ def test_estimates_fall_with_progress_and_with_what_fingers_have_left(
     assert ranking.estimate_missing(on) <= missing
     assert ranking.estimate_missing(build_node(1, done, grown)) <= missing
     # One leg more to go is never less, placements and loads come on top.
-    assert ranking.rank(build_node(1, done, lefts, placements=2)) == pytest.approx(ranking.rank(here) + 2.0)
+    assert rank_of(ranking, build_node(1, done, lefts, placements=2)) == pytest.approx(
+        rank_of(ranking, here) + 2.0
+    )
     heavy = build_node(1, done, lefts, load=0.95)
-    assert ranking.rank(heavy) > ranking.rank(here) + 0.45
+    assert rank_of(ranking, heavy) > rank_of(ranking, here) + 0.45
     # Rewinds take two placements where a substitution takes one.
     assert Ranking(tables, rewinds_only=True).estimate_missing(here) >= 2.0 * missing
 
@@ -88,12 +104,12 @@ def test_a_pair_to_be_rewound_counts_who_is_away_or_used_up(tables: list[Contact
 
     def miss(fingers: tuple[int, int], lefts: tuple[int, int]) -> float:
         held = tuple(Held(f, 0, 0, 0, left) for f, left in zip(fingers, lefts, strict=True))
-        return ranking.estimate_missing(Node(1, 0, held, 0, promise=0, pair=(0, 1)))
+        return ranking.estimate_missing(Node(Progress(1, 0), held, promise=0, movers=(0, 1)))
 
     fresh = 170
     away, used, both = miss((0, 2), (fresh, 0)), miss((0, 1), (fresh, 0)), miss((0, 2), (0, 0))
     at_home = ranking.estimate_missing(
-        Node(1, 0, (Held(0, 0, 0, 0, fresh), Held(1, 0, 0, 0, 0)), 0, promise=0)
+        Node(Progress(1, 0), (Held(0, 0, 0, 0, fresh), Held(1, 0, 0, 0, 0)), promise=0)
     )
     assert away == pytest.approx(at_home + 0.5)
     assert used == pytest.approx(at_home + 1.0)
@@ -113,14 +129,14 @@ def test_contacts_that_get_far_on_the_next_leg_go_first(
             if any(h is None or h.left < first.stations for h in held):
                 continue
             one, two = (replace(h, left=first.stations) for h in held if h is not None)
-            node = Node(0, 0, (one, two), 0, promise=first.stations, load=0.5)
+            node = Node(Progress(0, 0), (one, two), promise=first.stations, strain=0.5)
             missing = ranking.estimate_missing(node)
             # What really comes of it: both contacts as they stand at the second leg's start.
             ends = [h.carried(first.stations) for h in (one, two)]
             foreseen = [after.foresee_carry(h.finger, first.normal(h)) for h in ends]
             real = [after.start_along(h.finger, first.normal(h)) for h in ends]
             reached = min(-1 if h is None else h.left for h in real)
-            rows.append((ranking.rank(node), missing, min(foreseen), reached))
+            rows.append((rank_of(ranking, node), missing, min(foreseen), reached))
     assert len(rows) > 8
     rank, missing_all, foreseen_all, reached_all = (
         np.array(column, dtype=float) for column in zip(*rows, strict=True)

@@ -10,11 +10,12 @@ import pytest
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.still import Stand, build_landings
+from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.goal_side import GoalSide
-from dexplan.planning.regrasp.layers import Layers
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.search import AdjustmentSearch
-from dexplan.planning.regrasp.still import Stand, build_landings
 from dexplan.plans.contacts import Placement
 from dexplan.plans.motion import ObjectMotion
 from dexplan.spatial import VERTICAL, Array, direction_from_angles
@@ -29,7 +30,7 @@ def build_layers(hand: HandModel, angle: float) -> tuple[Layers, GoalSide]:
     X_WO = hand.object.X_WO_home
     before = ObjectMotion(X_WO, VERTICAL, -angle, np.zeros(3)).X_WO_end
     side = GoalSide(hand, Admissibility(hand), X_WO, land(hand, X_WO, GOAL))
-    layers = Layers(hand, side.admissibility, ObjectMotion(before, VERTICAL, angle, np.zeros(3)))
+    layers = Layers(hand, side.admissibility, Track((ObjectMotion(before, VERTICAL, angle, np.zeros(3)),)))
     layers.poses[-1] = side.still
     return layers, side
 
@@ -42,7 +43,7 @@ def land(hand: HandModel, X_WO: Array, normals: Iterable[Array]) -> tuple[Placem
 
 def begin(hand: HandModel, layers: Layers) -> tuple[tuple[Placement, ...], Stand]:
     """Return the start's contacts, given in the world, and its stand in the first pose."""
-    X_WO = layers.motion.X_WO_start
+    X_WO = layers.poses[0].X_WO
     contacts = land(hand, X_WO, (n @ X_WO[:3, :3] for n in START))
     return contacts, tuple(layers.poses[0].add(c) for c in contacts)
 

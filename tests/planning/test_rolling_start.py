@@ -16,8 +16,9 @@ from dexplan.contact.rolling.curves import roll_turning
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.tasks import rolling_start
-from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
+from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.planning.tasks.rolling_start import OPTIONS, plan_object_manipulation
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Relocate
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.phases import MUST

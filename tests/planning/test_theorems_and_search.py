@@ -16,12 +16,15 @@ from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.held import Held, Landfall
-from dexplan.planning.gait.legs import Leg
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.oracle import Landfall, Purpose
+from dexplan.planning.contacts.orbit_landfalls import find_landings_on
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.gait.search import GaitSearch
 from dexplan.planning.gait.steps import Step
+from dexplan.planning.gait.theorem_1 import refuse_gait
 from dexplan.planning.regions.regions import Regions, compute_regions
 from dexplan.planning.regions.sampling import sample_start
 from dexplan.planning.regions.theorems import check_theorem_1, check_theory_3
@@ -114,11 +117,11 @@ def test_nobody_lands_where_theorem_1_fails(hand: HandModel, sliding: float, cou
         i, j = (h.finger for h in pair)
         k = 3 - i - j
         answer = check_theorem_1(regions, i, j, k, *(table.normal(h) for h in pair))
-        asked = [Landfall(k, keep, pair, 0, "stand_in") for keep in pair]
-        found = any(table.landings(asked))
+        asked = [Landfall(k, keep, pair, 0, Purpose.STAND_IN) for keep in pair]
+        found = any(find_landings_on(table, asked))
         counts[answer.is_met, found] += 1
         # And the search does ask it, in the same words.
-        assert (table.check_theorem_1(pair, 0) is None) == answer.is_met
+        assert (refuse_gait(table, pair, 0) is None) == answer.is_met
     assert counts[False, True] == 0, counts
     assert sum(counts.values()) == count
     if sliding < 0.5:
@@ -230,8 +233,7 @@ def rewind(hand: HandModel, goal: RotationGoal, start: Start) -> list[Step]:
     """
     search = GaitSearch(hand, build_routes(goal)[0], Admissibility(hand), ("rewind",))
     held = [search.tables[0].start_along(f, x) for f, x in enumerate(start) if x is not None]
-    search.begin(tuple(h for h in held if h is not None))
-    search._heap[0].node.pair = pair_of(start)[:2]
+    search.begin(tuple(h for h in held if h is not None), movers=pair_of(start)[:2])
     node = search.run(BUDGET)
     return [] if node is None else search.steps(node)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dexplan.contact.rolling.candidates import RollLimits
 from dexplan.contact.rolling.curves import RollingPath, roll_turning
 from dexplan.contact.rolling.manoeuvre import RollingTriangle
-from dexplan.contact.rolling.roll_to import roll_to
+from dexplan.contact.rolling.roll_to import RollEnd, roll_to
 from dexplan.contact.surfaces.shapes import Sphere
 from dexplan.planning.admissible.tip_rotation import measure_rotation, trace_on_tip
 from dexplan.planning.rolling.roll_gait import as_roll, follow_roll
@@ -64,15 +64,13 @@ def test_cycles_do_not_add_up() -> None:
 
 @pytest.mark.parametrize("gamma", [15.0, 45.0, 75.0, 120.0])
 @pytest.mark.parametrize("lean", [0.0, 35.0])
-@pytest.mark.parametrize("is_pole_at_end", [False, True])
-def test_roll_to_keeps_the_limit(gamma: float, lean: float, is_pole_at_end: bool) -> None:
+@pytest.mark.parametrize("end", ["free", "pole"])
+def test_roll_to_keeps_the_limit(gamma: float, lean: float, end: RollEnd) -> None:
     limits = RollLimits(np.radians(80.0), np.radians(gamma), max_cycles=8)
     found, widest = 0, 0.0
     for angle in (5.0, 20.0, 45.0, 70.0):
         goal = rotate_about([0.3, 1.0, 0.0], np.radians(angle)) @ [0.0, 0.0, 1.0]
-        plan = roll_to(
-            touch(lean, 70.0), goal, Sphere(TIP), Sphere(BALL), limits, is_pole_at_end=is_pole_at_end
-        )
+        plan = roll_to(touch(lean, 70.0), goal, Sphere(TIP), Sphere(BALL), limits, end=end)
         found += plan.is_found
         widest = max([widest, *(rotation_of(path) for path in plan.paths)])
     assert found >= 1

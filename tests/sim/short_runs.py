@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
-import numpy as np
-
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, build_reference
@@ -17,9 +15,8 @@ from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
-from dexplan.scene.scene import Scene
 from dexplan.sim.judge.validate import ValidationReport
-from dexplan.sim.record.rollout import rollout
+from dexplan.sim.record.rollout import Truth, rollout
 from dexplan.sim.trace import Trace
 
 PROFILES = ("firm", "portable")
@@ -89,35 +86,36 @@ def simulate(
     problem: Problem,
     reference: Reference,
     options: ControlOptions | None = None,
-    world: Scene | None = None,
-    X_WO_start: np.ndarray | None = None,
+    truth: Truth | None = None,
 ) -> Trace:
     """Return the run of any reference on the problem's scene."""
     return rollout(
         pipeline.build_scene(problem),
         reference,
         options or pipeline.build_options(problem),
-        world=world,
-        X_WO_start=X_WO_start,
+        truth=truth,
         meta={"problem": problem.name, "seed": problem.seed},
     )
 
 
-def with_truth(problem: Problem, *, mass_kg: float, sliding: float, torsional_m: float) -> Problem:
-    """Return the problem as it is true: mass and friction of the world, beliefs of planner and controller as they were.
-
-    The believed friction is ``sliding / safety``, so the safety becomes what is truly left of it; sliding and torsional
-    friction have to differ from the problem's by one factor for both beliefs to stay.
-    """
-    factor = sliding / problem.friction.sliding
+def with_truth(
+    problem: Problem,
+    *,
+    mass_kg: float | None = None,
+    sliding: float | None = None,
+    torsional_m: float | None = None,
+) -> Problem:
+    """Return the world of ``problem`` with another mass and friction; torsional friction goes with sliding unless it is given."""
+    ball, friction = problem.object, problem.friction
+    sliding = friction.sliding if sliding is None else sliding
+    share = sliding / friction.sliding
     return replace(
         problem,
-        object=replace(problem.object, mass_kg=mass_kg),
+        object=replace(ball, mass_kg=ball.mass_kg if mass_kg is None else mass_kg),
         friction=replace(
-            problem.friction,
+            friction,
             sliding=sliding,
-            torsional_m=torsional_m,
-            safety=problem.friction.safety * factor,
+            torsional_m=share * friction.torsional_m if torsional_m is None else torsional_m,
         ),
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.planning.gait.states import StateChecks
+from dexplan.planning.contacts.states import StateChecks
 from dexplan.plans.plan import Plan
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
@@ -62,7 +62,7 @@ def test_along_the_arc_the_finger_would_hit_the_bar(problem: Problem, plan: Plan
 
 
 def test_with_arcs_alone_there_is_no_plan(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(StateChecks, "put_off", lambda self, asker: False)
+    monkeypatch.setattr(StateChecks, "may_go_around", lambda self, *asked: False)
     refused = pipeline.plan(problem)
     assert not refused.is_solved
     assert "finger_1/tip and obstacle_1 come too near on the way" in refused.reason

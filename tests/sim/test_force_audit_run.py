@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from short_runs import plan_of, report_of, trace_of, turn_problem, with_truth
@@ -11,12 +9,10 @@ from short_runs import plan_of, report_of, trace_of, turn_problem, with_truth
 from dexplan import pipeline
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
-from dexplan.scene.description import SceneParameters
-from dexplan.scene.library import load_scene_with
 from dexplan.sim.judge.checks_case import CheckResult
 from dexplan.sim.trace import Trace
 
-MU, MU_T = 0.55, 0.0025
+MU = 0.55
 
 
 @pytest.fixture(scope="module")
@@ -27,13 +23,12 @@ def problem() -> Problem:
 
 def rerun(problem: Problem, sliding: float) -> Trace:
     """Return the run where friction truly is ``sliding``, torsion with it; planner and controller believe the problem."""
-    world = replace(SceneParameters(), sliding_friction=sliding, torsional_friction=MU_T * sliding / MU)
-    return pipeline.rollout(problem, plan_of(problem), true_scene=load_scene_with(world))
+    return pipeline.rollout(problem, plan_of(problem), world=with_truth(problem, sliding=sliding))
 
 
 def judge(problem: Problem, sliding: float, trace: Trace) -> CheckResult:
-    true = with_truth(problem, mass_kg=0.06, sliding=sliding, torsional_m=MU_T * sliding / MU)
-    return pipeline.validate(true, plan_of(problem), trace)["force_qp_feasible"]
+    true = with_truth(problem, sliding=sliding)
+    return pipeline.validate(problem, plan_of(problem), trace, world=true)["force_qp_feasible"]
 
 
 def test_grasp_that_cannot_hold_is_infeasible_before_anything_moves(problem: Problem) -> None:

@@ -15,7 +15,7 @@ def run(goal: dict[str, object]) -> tuple[list[str], ValidationReport]:
     problem = load_problem("hold_two", {"start.contacts_deg": PAIR, "goal": goal})
     plan = pipeline.plan(problem)
     assert plan.is_solved, plan.reason
-    trace = pipeline.rollout(problem, plan, seed=problem.seed)
+    trace = pipeline.rollout(problem, plan)
     return [a.name for a in plan.actions], pipeline.validate(problem, plan, trace)
 
 

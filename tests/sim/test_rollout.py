@@ -104,7 +104,7 @@ def test_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_seed_stands_in_the_trace() -> None:
     problem = hold_problem("hold_12", "firm")
     plan = plan_of(problem)
-    trace = pipeline.rollout(problem, plan, seed=11)
+    trace = pipeline.rollout(replace(problem, seed=11), plan)
     assert trace.meta["seed"] == 11
     assert trace.meta["failure"] is None
     assert {"python", "mujoco", "mink", "osqp"} <= set(trace.meta["versions"])

@@ -10,6 +10,7 @@ from short_runs import HOLD_TIMING, build_plan_reference, hold_problem, plan_of,
 
 from dexplan import pipeline
 from dexplan.scene.scene import Scene
+from dexplan.sim.record.rollout import Truth
 
 START = replace(HOLD_TIMING, first_hold=0.3, last_hold=0.3)
 OFFSETS = {"home": (0.0, 0.0, 0.0), "off": (1e-3, -5e-4, 5e-4)}
@@ -45,7 +46,7 @@ def test_tips_start_on_the_true_object(radius: float, mass: float, tip: float, o
     reference = build_plan_reference(problem, plan_of(problem), START)
     X_WO = world.object.X_WO_home.copy()
     X_WO[:3, 3] += OFFSETS[offset]
-    trace = simulate(problem, reference, world=world, X_WO_start=X_WO)
+    trace = simulate(problem, reference, truth=Truth(world, X_WO))
     assert trace.meta["failure"] is None
     held = np.flatnonzero(trace["contact_active"][0])
     assert list(held) == [0, 1]
@@ -60,5 +61,5 @@ def test_nothing_changes_where_the_world_is_as_believed() -> None:
     problem = hold_problem("hold_12", "firm")
     reference = build_plan_reference(problem, plan_of(problem), START)
     believed = simulate(problem, reference)
-    told = simulate(problem, reference, world=build_world(1.0, 1.0, 1.0))
+    told = simulate(problem, reference, truth=Truth(build_world(1.0, 1.0, 1.0)))
     assert told["qpos"].tobytes() == believed["qpos"].tobytes()

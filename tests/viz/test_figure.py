@@ -23,7 +23,6 @@ from dexplan.viz.timeline import (
     build_gait_rows,
     choose_axis,
     compute_turned_angle,
-    describe_action,
     gait_text,
 )
 
@@ -85,14 +84,6 @@ def test_gait_text_of_a_trace_has_a_character_per_stretch_of_time() -> None:
     assert third.startswith("finger_3  ........")
     assert third.endswith("###")
     assert ruler.split() == ["0.0", "s", "1.0", "s"]
-
-
-def test_actions_in_words() -> None:
-    plan = make_plan()
-    assert describe_action(plan, 0) == "1/4 hold"
-    assert describe_action(plan, 1) == "2/4 move_object +90°"
-    assert describe_action(plan, 2, 1) == "3/4 place finger_3 · approach"
-    assert describe_action(plan, 4) == describe_action(plan, -1) == ""
 
 
 def test_turned_angle_counts_whole_turns_and_leaves_wobble_out() -> None:

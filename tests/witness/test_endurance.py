@@ -22,13 +22,12 @@ from dexplan.witness.endurance import (
     build_whole_problem,
     choose_attitude,
     choose_full_turn,
-    describe,
-    draw,
     join_plans,
     measure_goals,
     plan_chain,
     run_chain,
 )
+from dexplan.witness.endurance_picture import describe, draw
 
 
 @pytest.fixture(scope="module")

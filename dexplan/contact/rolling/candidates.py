@@ -9,7 +9,7 @@ from math import ceil, pi
 from scipy.optimize import brentq
 
 from dexplan.brief import brief_repr
-from dexplan.contact.rolling.curves import RollingPath, join_paths, roll_along
+from dexplan.contact.rolling.curves import SAMPLES, RollingPath, join_paths, roll_along
 from dexplan.contact.rolling.manoeuvre import RollingBend, RollingTriangle, chain_triangles, solve_apex
 from dexplan.contact.rolling.turning import build_turn
 from dexplan.spatial import Array, lock_arrays
@@ -28,7 +28,8 @@ class RollLimits:
     ``tip_polar_limit`` [rad]: largest angle between the tip's pole and the contact on it, at most pi/2 (a hemisphere).
     ``tip_rotation_limit`` [rad]: the paper's gamma, how far the tip may roll along its equator: the largest apex of a
     triangle.  ``max_cycles``: triangles in one way; ``max_lifts``: how often the tip may leave the ball to be turned back on
-    the spot.
+    the spot.  ``max_tries``: ways, in order of length, that are looked at before giving up; ``samples``: about how many samples
+    a part of a way has.
 
     Raises ValueError for values outside these ranges.
     """
@@ -37,6 +38,8 @@ class RollLimits:
     tip_rotation_limit: float
     max_cycles: int = 12
     max_lifts: int = 0
+    max_tries: int = 100
+    samples: int = SAMPLES
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tip_polar_limit <= 0.5 * pi + 1e-12:
@@ -50,6 +53,10 @@ class RollLimits:
         if self.max_cycles < 0 or self.max_lifts < 0:
             raise ValueError(
                 f"max_cycles {self.max_cycles}, max_lifts {self.max_lifts}; 0 or more is accepted"
+            )
+        if self.max_tries < 1 or self.samples < 2:
+            raise ValueError(
+                f"max_tries {self.max_tries}, samples {self.samples}; from 1 and from 2 on is accepted"
             )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,13 +18,17 @@ from dexplan.contact.rolling.candidates import (
     compute_reach,
     generate_candidates,
 )
-from dexplan.contact.rolling.curves import SAMPLES, RollingPath, roll_along, split_start
+from dexplan.contact.rolling.curves import RollingPath, roll_along, split_start
 from dexplan.contact.rolling.turning import any_tangent, build_turn, make_tangent
 from dexplan.contact.surfaces.shapes import Sphere
 from dexplan.errors import spell_apart
 from dexplan.spatial import Array
 
 RollStatus = Literal["found", "start_beyond_limit", "start_not_admissible", "out_of_reach", "not_admissible"]
+
+RollEnd = Literal["free", "pole", "pole_without_spin"]
+"""How a tip stands at the end: anyhow; with its pole on the contact; with its pole there and without having spun, relative to
+parallel transport along the great circle of the triangles (mirrored pairs, or lifts)."""
 
 Admissible = Callable[[Array], NDArray[np.bool_]]
 """``is_admissible(X_OF)``: which of the tip poses (K, 4, 4) the rest of the world allows, (K,)."""
@@ -76,11 +80,8 @@ def roll_to(
     ball: Sphere,
     limits: RollLimits,
     *,
-    is_pole_at_end: bool = False,
-    is_spin_cancelled: bool = False,
+    end: RollEnd = "free",
     is_admissible: Admissible | None = None,
-    samples: int = SAMPLES,
-    max_tries: int = 100,
 ) -> RollPlan:
     """Plan how the tip rolls, without sliding or spin, until it touches the ball at ``goal``.
 
@@ -94,28 +95,26 @@ def roll_to(
         goal: (3,) direction from the ball's centre in O: the outward normal at the goal contact.
         tip: the fingertip.
         ball: the object.
-        limits: how far the contact may go from the tip's pole, how wide a triangle may be, how many cycles and lifts.
-        is_pole_at_end: the tip's pole has to be on the contact at the end.
-        is_spin_cancelled: with ``is_pole_at_end``, the tip must not have spun either, relative to parallel transport along
-            the great circle of the triangles (mirrored pairs, or lifts).
+        limits: how far the contact may go from the tip's pole, how wide a triangle may be, how many cycles and lifts, how many
+            ways are looked at and how finely they are sampled.
+        end: how the tip has to stand at the goal, see :data:`RollEnd`.
         is_admissible: which tip poses are possible, asked along the whole way (reach of the finger, clearance).
-        samples: about how many samples per part of the way.
-        max_tries: how many ways, in order of length, are shown to ``is_admissible`` before giving up.
 
     Returns:
         The plan; its status and reason say truthfully when there is none: ``start_beyond_limit``, ``start_not_admissible``,
         ``out_of_reach`` (geometry and limits), ``not_admissible`` (the ways there are, are vetoed).
 
     Raises:
-        ValueError: the start does not touch, the goal is zero, or spin is to be cancelled without the pole at the end.
+        ValueError: the start does not touch, the goal is zero, or ``end`` is none of :data:`RollEnd`.
     """
-    if is_spin_cancelled and not is_pole_at_end:
-        raise ValueError("is_spin_cancelled without is_pole_at_end; spin is defined with the pole at the end")
+    if end not in get_args(RollEnd):
+        raise ValueError(f"end {end!r}; {', '.join(map(repr, get_args(RollEnd)))} are accepted")
+    is_pole_at_end, is_spin_cancelled = end != "free", end == "pole_without_spin"
     X = np.array(start, dtype=np.float64)
-    R_OF, n = split_start(tip.radius, ball.radius, X)
+    _, n = split_start(tip.radius, ball.radius, X)
     X[:3, 3] = (tip.radius + ball.radius) * n
     goal = ball.radial(goal) / ball.radius
-    off = float(roll_along(tip.radius, ball.radius, X, [n], 2).polar_angle[0])
+    off = _measure_lean(X, n, (tip.radius, ball.radius))
     if off > limits.tip_polar_limit + SMALL:
         given, most = spell_apart(np.degrees(off), np.degrees(limits.tip_polar_limit))
         return RollPlan(
@@ -127,7 +126,7 @@ def roll_to(
             "start_not_admissible", "the start pose itself is not admissible; another start is accepted"
         )
 
-    outsets = list(_find_outsets(X, R_OF, n, goal, (tip.radius, ball.radius), off, limits, is_pole_at_end))
+    outsets = list(_find_outsets(X, goal, (tip.radius, ball.radius), limits, is_pole_at_end))
     candidates = [c for o in outsets for c in _start_straight(o, limits, is_pole_at_end, off)]
     # A straight way is the shortest there is: the others are worked out only where it does not do.
     tried, best = 0, ("", 0.0)
@@ -137,9 +136,9 @@ def roll_to(
                 c for o in outsets for c in generate_candidates(o, limits, is_pole_at_end, is_spin_cancelled)
             ]
         for candidate in sorted(group, key=lambda c: c.length):
-            if tried >= max_tries:
+            if tried >= limits.max_tries:
                 break
-            paths = candidate.build(samples)
+            paths = candidate.build(limits.samples)
             # Farthest from the pole along a great circle are its ends, which are samples, as long as that is below 90 degrees.
             if max(path.polar_angle.max() for path in paths) > limits.tip_polar_limit + 1e-9:
                 continue
@@ -151,7 +150,7 @@ def roll_to(
             best = max(best, (candidate.kind, share), key=lambda b: b[1])
     distance = np.degrees(max(o.distance for o in outsets[:1]))
     if tried:
-        more = f"; max_tries {max_tries} was used up" if tried >= max_tries else ""
+        more = f"; max_tries {limits.max_tries} was used up" if tried >= limits.max_tries else ""
         return RollPlan(
             "not_admissible",
             f"{tried} ways lead to the goal, {distance:.4g} degrees away, and none is admissible all along; "
@@ -169,17 +168,17 @@ def roll_to(
     )
 
 
+def _measure_lean(X: Array, n: Array, radii: tuple[float, float]) -> float:
+    """Return how far [rad] the contact along ``n`` (3,) is from the tip's pole."""
+    return float(roll_along(*radii, X, [n], 2).polar_angle[0])
+
+
 def _find_outsets(
-    X: Array,
-    R_OF: Array,
-    n: Array,
-    goal: Array,
-    radii: tuple[float, float],
-    off: float,
-    limits: RollLimits,
-    is_pole_at_end: bool,
+    X: Array, goal: Array, radii: tuple[float, float], limits: RollLimits, is_pole_at_end: bool
 ) -> Iterator[Outset]:
     """Yield where triangles can begin: here, and where the pole has been rolled onto the contact."""
+    R_OF, n = split_start(*radii, X)
+    off = _measure_lean(X, n, radii)
     if off < _ON_POLE or not is_pole_at_end:
         yield from _aim(X, goal, radii, limits.tip_polar_limit - off, None)
     if off >= _ON_POLE:

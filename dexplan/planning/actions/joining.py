@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.carry import follow_object
 from dexplan.planning.admissible.hand import HandModel
@@ -28,7 +30,7 @@ def build_move_actions(moves: tuple[Move, ...], before: Contacts, axis_W: Array)
             before, k = moves[k].contacts, k + 1
             continue
         last = k
-        while last + 1 < len(moves) and moves[last + 1].kind == "carry":
+        while last + 1 < len(moves) and _goes_on(moves[last], moves[last + 1]):
             last += 1
         first, end = moves[k].motion, moves[last].motion
         assert first is not None
@@ -36,6 +38,15 @@ def build_move_actions(moves: tuple[Move, ...], before: Contacts, axis_W: Array)
         actions.append(_carry(moves[k : last + 1], first, end, before, last + 1 < len(moves)))
         before, k = moves[last].contacts, last + 1
     return tuple(actions)
+
+
+def _goes_on(before: Move, after: Move) -> bool:
+    """Return whether a carry is the next piece of the same motion as the one before."""
+    one, other = before.motion, after.motion
+    if one is None or other is None:
+        return False
+    same_turn = np.allclose(one.axis_W, other.axis_W, atol=1e-9) and np.isclose(one.angle, other.angle)
+    return bool(same_turn and np.allclose(one.shift_W, other.shift_W, atol=1e-9))
 
 
 def _carry(

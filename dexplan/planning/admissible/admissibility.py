@@ -18,6 +18,7 @@ from dexplan.grasp.force.solver import (
     ForceSolver,
 )
 from dexplan.grasp.grasp import map_contact
+from dexplan.grasp.wrench import compute_wrench
 from dexplan.kinematics.chain import (
     compute_dexterity,
     compute_joint_margin,
@@ -28,7 +29,7 @@ from dexplan.planning.admissible.conditions import refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.scene.description import Nearness
-from dexplan.spatial import GRAVITY, Array, lock_arrays, read_only
+from dexplan.spatial import Array, lock_arrays, read_only
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,17 @@ def compute_finger_states(hand: HandModel, finger: int, q: Array) -> list[Finger
     return [FingerState(*row) for row in zip(read_only(q), X, J, joint, dexterity, strict=True)]
 
 
+@dataclass(frozen=True)
+class _Load:
+    """How well contacts carry the object: share of the friction cone left, largest share of a joint's torque limit, and the
+    ``fault`` of the force QP ("" where it is solved).
+    """
+
+    margin: float
+    torque: float
+    fault: str
+
+
 @dataclass(eq=False)
 class Admissibility:
     """Answers "can the hand carry this state?"; keeps one warm force solver per number of contacts."""
@@ -157,9 +169,10 @@ class Admissibility:
         elif nearest.distance < limits.clearance:
             refusal = refuse_nearness(nearest, limits.clearance)
         else:
-            load, torque, fault = self._compute_load(states, q, X_WO, axis_W, explain)
-            if fault:
-                words = f"the contacts cannot carry the load ({fault})" if explain else ""
+            found = self._compute_load(states, q, X_WO, axis_W, explain)
+            load, torque = found.margin, found.torque
+            if found.fault:
+                words = f"the contacts cannot carry the load ({found.fault})" if explain else ""
                 refusal = Refusal(RefusalKind.LOAD, words=words)
         return Margins(float(joint), float(dexterity), load, torque, nearest.distance, refusal)
 
@@ -175,12 +188,12 @@ class Admissibility:
 
     def refuse_load(self, states: dict[int, FingerState], q: Array, X_WO: Array) -> bool:
         """Return whether fingers in ``states`` cannot carry the object at rest, whatever else may be wrong with the state."""
-        return bool(self._compute_load(states, q, X_WO, None, explain=False)[2])
+        return bool(self._compute_load(states, q, X_WO, None, explain=False).fault)
 
     def _compute_load(
         self, states: dict[int, FingerState], q: Array, X_WO: Array, axis_W: Array | None, explain: bool
-    ) -> tuple[float, float, str]:
-        """Return load margin, largest torque share and the fault of the force QP ("" where it is solved)."""
+    ) -> _Load:
+        """Return what the force QP says of fingers in ``states`` with the object at rest or accelerated about ``axis_W``."""
         hand, limits = self.hand, self.hand.limits
         holding = tuple(sorted(states))
         n, joints = len(holding), hand.fingers[0].chain.n_joints
@@ -196,9 +209,8 @@ class Admissibility:
             p_WF = states[i].X_WF[:3, 3]
             arm_W = R_WO @ hand.object.surface.radial(R_WO.T @ (p_WF - p_WO))
             G[:, 4 * k : 4 * k + 4], maps[k] = map_contact(states[i].J, arm_W, p_WO + arm_W - p_WF)
-        wrench = np.array([0.0, 0.0, hand.object.mass * GRAVITY, 0.0, 0.0, 0.0])
-        if axis_W is not None:
-            wrench[3:] = R_WO @ hand.object.inertia @ R_WO.T @ (hand.acceleration * axis_W)
+        alpha = np.zeros(3) if axis_W is None else hand.acceleration * axis_W
+        wrench = compute_wrench(hand.object.mass_properties, R_WO, angular_acceleration=alpha)
         bias = hand.probe.compute_gravity_torque(q)[list(holding)]
         torque_limit = np.stack([hand.fingers[i].torque_limit for i in holding])
         reach = limits.torque_share * torque_limit
@@ -208,7 +220,7 @@ class Admissibility:
         problem = ForceProblem(solver.settings, G, wrench, bounds, np.full(n, hand.normal_force), maps, bias)
         solution = solver.solve(problem, explain=explain)
         if not solution.is_solved:
-            return -np.inf, np.inf, ", ".join(solution.faults) or solution.status
+            return _Load(-np.inf, np.inf, ", ".join(solution.faults) or solution.status)
         used = max(float(hand.friction.utilisation(f)) for f in solution.forces)
         torque = bias + np.einsum("kjc,kc->kj", maps, solution.forces)
-        return 1.0 - used, float((np.abs(torque) / torque_limit).max()), ""
+        return _Load(1.0 - used, float((np.abs(torque) / torque_limit).max()), "")

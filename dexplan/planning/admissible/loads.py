@@ -14,8 +14,9 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
+from dexplan.grasp.wrench import compute_wrench
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.spatial import GRAVITY, Array, lock_arrays
+from dexplan.spatial import Array, lock_arrays
 
 SQUEEZES = 8
 """Squeezes tried between the least and the greatest normal force."""
@@ -47,10 +48,8 @@ def compute_object_wrench(hand: HandModel, axis_W: Array | None) -> Array:
 
     The object is taken to be the same in any attitude, as a homogeneous ball is.
     """
-    wrench = np.array([0.0, 0.0, hand.object.mass * GRAVITY, 0.0, 0.0, 0.0])
-    if axis_W is not None:
-        wrench[3:] = hand.object.inertia @ (hand.acceleration * axis_W)
-    return wrench
+    alpha = np.zeros(3) if axis_W is None else hand.acceleration * axis_W
+    return compute_wrench(hand.object.mass_properties, np.eye(3), angular_acceleration=alpha)
 
 
 def sure_share(hand: HandModel) -> float:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from dexplan.icosphere import build_icosphere
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.planning.admissible.loads import compute_pair_loads
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.held import Held
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
 from dexplan.planning.regions.regions import compute_regions
 from dexplan.spatial import Array, lock_arrays, rotate_about
 

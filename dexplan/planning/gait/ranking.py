@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.cost import CostWeights
-from dexplan.planning.gait.nodes import Node
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.gait.exchange import GaitNode
+from dexplan.planning.search.cost import CostWeights
+from dexplan.planning.search.nodes import known_bound
 
 HEURISTIC_WEIGHT = 3.0
 """How much more a turn still to be made counts than placements already spent.  One placement is taken to be worth half of what
@@ -25,30 +26,30 @@ class Ranking:
     rewinds_only: bool
     _worths: dict[int, float] = field(default_factory=dict)
 
-    def rank(self, node: Node) -> float:
-        """Return the priority of a node; the smallest is opened first."""
+    def rank(self, node: GaitNode) -> float:
+        """Return the priority of a node, whose bound is known; the smallest is opened first."""
         # Between equals, prefer grasps that carry easily: small forces and room for error.
-        load = node.load + 30.0 * max(0.0, node.load - 0.88)
-        return node.placements + HEURISTIC_WEIGHT * self.estimate_missing(node) + load
+        load = node.strain + 30.0 * max(0.0, node.strain - 0.88)
+        return node.cost + HEURISTIC_WEIGHT * known_bound(node) + load
 
-    def foresee_cost(self, node: Node, weights: CostWeights) -> float:
+    def foresee_cost(self, node: GaitNode, weights: CostWeights) -> float:
         """Return what a way through ``node`` costs at least, if ``CERTAIN_SHARE`` of what seems to be missing is needed."""
-        placements = node.placements + CERTAIN_SHARE * self.estimate_missing(node)
+        placements = node.cost + CERTAIN_SHARE * known_bound(node)
         turned = sum(abs(table.leg.angle) for table in self.tables)
-        return weights.placement * placements + weights.turn * turned + weights.load * node.load
+        return weights.placement * placements + weights.turn * turned + weights.load * node.strain
 
-    def estimate_missing(self, node: Node) -> float:
+    def estimate_missing(self, node: GaitNode) -> float:
         """Return about how many placements are missing from a node to the goal."""
-        table, lefts = self.tables[node.leg], [h.left for h in node.held]
-        ahead = table.stations - node.done
-        missing = self._count_missing(node.leg, ahead, min(node.promise, *lefts), max(lefts))
+        table, lefts = self.tables[node.at.stretch], [h.left for h in node.grip]
+        ahead = table.stations - node.at.stop
+        missing = self._count_missing(node.at.stretch, ahead, min(node.promise, *lefts), max(lefts))
         if missing and self.rewinds_only:
             missing = 2.0 * missing + 0.5 * self._count_rewind_steps(node)
-        later = range(node.leg + 1, len(self.tables))
+        later = range(node.at.stretch + 1, len(self.tables))
         if later and not missing and not self.tables[later[0]].leg.is_shift:
             # These contacts begin the next leg: how far would they get there?
             after = self.tables[later[0]]
-            lefts = [after.foresee_carry(h.finger, table.normal(h.carried(ahead))) for h in node.held]
+            lefts = [after.foresee_carry(h.finger, table.normal(h.carried(ahead))) for h in node.grip]
             missing += self._count_missing(later[0], after.stations, min(lefts), max(lefts))
             later = later[1:]
         turns = (i for i in later if not self.tables[i].leg.is_shift)
@@ -73,11 +74,11 @@ class Ranking:
             return 0.0
         return 0.6 + 0.5 * (ahead - lasts + max(0, ahead - longest)) / self._worth(leg)
 
-    def _count_rewind_steps(self, node: Node) -> int:
+    def _count_rewind_steps(self, node: GaitNode) -> int:
         """Return how many placements are missing before the pair that moves the object can do so again."""
-        if not node.pair:
+        if not node.movers:
             return 0
-        fresh = 0.5 * self._worth(node.leg)
-        inside = [h.left >= fresh for h in node.held if h.finger in node.pair]
+        fresh = 0.5 * self._worth(node.at.stretch)
+        inside = [h.left >= fresh for h in node.grip if h.finger in node.movers]
         # Those that are away come back; those used up leave, when another stands in for them, and come back.
-        return len(node.pair) - sum(inside) + inside.count(False)
+        return len(node.movers) - sum(inside) + inside.count(False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexplan.planning.gait.legs import Leg
+from dexplan.planning.contacts.legs import Leg
 from dexplan.plans.goal import RotationGoal
 from dexplan.spatial import VERTICAL, Array, rotate_about
 

@@ -11,8 +11,9 @@ import numpy as np
 
 from dexplan.planning.admissible.conditions import refuse_locked_joint
 from dexplan.planning.admissible.separation import compute_opposition
-from dexplan.planning.gait.contacts import APART, ContactTable
-from dexplan.planning.gait.held import Held
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
+from dexplan.planning.contacts.orbit_landfalls import APART, estimate_carries
 from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.spatial import Array
 
@@ -79,7 +80,7 @@ def _propose(table: ContactTable) -> list[StartPair]:
         best = np.argsort(-quick, kind="stable")[:BEST]
         i, j = i[best], j[best]
         asked = promise[best] if table.stations else np.zeros(len(best), dtype=np.intp)
-        lasting, load = table.estimate(one.normals[i], two.normals[j], asked)
+        lasting, load = estimate_carries(table, one.normals[i], two.normals[j], asked)
         found += [
             StartPair((one.pick(a, int(i[k])), two.pick(b, int(j[k]))), int(lasting[k]), float(load[k]))
             for k in np.flatnonzero(lasting >= 0)

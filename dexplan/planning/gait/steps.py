@@ -1,4 +1,4 @@
-"""What a search answers with: a link of a gait, not yet made into actions."""
+"""What a search answers with: the links of a gait, not yet made into actions."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dexplan.planning.contacts.orbit_contacts import OrbitContacts
+from dexplan.planning.contacts.stops import Stop, StopKind
+from dexplan.planning.gait.exchange import GaitNode
+from dexplan.planning.search.moves import Lift, Place
 from dexplan.planning.ways.travel import Way
 from dexplan.plans.contacts import Placement
 from dexplan.spatial import Array, lock_arrays
@@ -42,3 +46,55 @@ class Step:
     def is_still(self) -> bool:
         """Whether the object stays where it is."""
         return self.angle == 0.0 and np.array_equal(self.X_WO_start[:3, 3], self.X_WO_end[:3, 3])
+
+
+@dataclass(frozen=True)
+class Link:
+    """A node on the way to a goal, for how many stations its grip ``moved`` the object, with the margins of that, and of the
+    exchange that led to it.
+    """
+
+    node: GaitNode
+    moved: int
+    margins: Mapping[str, float]
+    place_margins: Mapping[str, float]
+
+
+def build_steps(contacts: OrbitContacts, links: list[Link]) -> list[Step]:
+    """Return a way as symbolic steps."""
+    return [_build_step(contacts, links, k) for k in range(len(links))]
+
+
+def _build_step(contacts: OrbitContacts, links: list[Link], k: int) -> Step:
+    node, moved = links[k].node, links[k].moved
+    at, reach, leg = node.at, node.reach, contacts.tables[node.at.stretch].leg
+    place, lift, end = node.find_move(Place), node.find_move(Lift), at.stop + moved
+    assert reach is not None
+    finger, ended = (reach.finger, reach.end) if moved == reach.stops else (None, Stop(StopKind.SHORTER))
+    held = {h.finger: contacts.place(h, at) for h in node.grip}
+    return Step(
+        contacts=tuple(held.values()),
+        X_WO_start=leg.pose(at.stop),
+        X_WO_end=leg.pose(end),
+        angle=leg.turned(end) - leg.turned(at.stop),
+        axis_W=leg.axis_W,
+        placed=None if place is None else held[place.finger],
+        lifted=None if lift is None else lift.finger,
+        limit=(finger, str(ended)),
+        margins=links[k].margins,
+        place_margins=links[k].place_margins,
+        is_rewind=_is_rewind(links, k),
+        ways=node.arrival.ways,
+    )
+
+
+def _is_rewind(links: list[Link], k: int) -> bool:
+    """Return whether the relocation before step k belongs to a finger rewind: the same pair moves on as moved before."""
+    if links[k].node.find_move(Lift) is None:
+        return False
+    before = next((i for i in range(k - 1, -1, -1) if links[i].moved), None)
+    after = next((i for i in range(k, len(links)) if links[i].moved), None)
+    if before is None or after is None or after == before + 1:
+        return False
+    one, other = ({h.finger for h in links[i].node.grip} for i in (before, after))
+    return one == other

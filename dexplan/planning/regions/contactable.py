@@ -16,75 +16,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.icosphere import Icosphere, build_icosphere
-from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, wrap_to_limits
-from dexplan.kinematics.pointing import can_point, is_same_finger, move_to_base, solve_pointing
-from dexplan.kinematics.spherical_wrist import SphericalWrist, find_sampled_branches, find_spherical_wrist
-from dexplan.kinematics.workspace import Workspace, compute_aligned_pose
+from dexplan.kinematics.spherical_wrist import find_spherical_wrist
 from dexplan.planning.regions.spherical import FINE, LevelSet
+from dexplan.planning.regions.touching import (
+    CLOSE,
+    SIGHT,
+    Answer,
+    ContactLimits,
+    Question,
+    Toucher,
+    answer,
+)
 from dexplan.spatial import Array, lock_arrays, read_only
 
 COARSE = 3
 """Level of the grid at which every direction before the finger is asked; those near the border are asked down to the finest."""
-SIGHT = float(np.radians(85.0))
-"""Directions farther than this from the finger's own are not tried."""
 NEAR = 0.02
 """Values nearer to zero than this may hide a border between them [rad]."""
 DEXTERITY_CHANGE = 0.06
 """With this much dexterity beyond its limit it does not fall below it within a triangle: it changes slower than the direction."""
-FIRST_STEP_ERROR = 5e-3
-"""A Newton step from this far off leaves about a hundredth of it."""
 CLIFF = 0.15
 """A margin this far below zero next to one above it is taken for another branch [rad]."""
 PASSES = 2
 """Rounds per level in which a border that runs on into triangles not asked about is followed."""
-CLOSE = 1e-5
-"""Tolerance of exact answers."""
-HOPELESS = 0.15
-"""Where the joints are this far beyond what they may, nobody asks for the dexterity [rad]."""
 _JUMP = 0.5
 """Postures of neighbours that differ more than this lie on different branches [rad]."""
-
-
-@dataclass(frozen=True)
-class ContactLimits:
-    """What a contact must leave to spare: ``joint_margin`` [rad] to every joint's limits, ``dexterity`` [-]."""
-
-    joint_margin: float
-    dexterity: float
-
-
-@dataclass(frozen=True)
-class Toucher:
-    """A finger that touches a sphere: its ``workspace``, its tip's place ``home`` [m] in its home posture, and the ``distance``
-    [m] between the centres of tip and sphere.
-    """
-
-    workspace: Workspace
-    home: tuple[float, float, float]
-    distance: float
-
-
-@dataclass(frozen=True, eq=False)
-class Question:
-    """Directions (N, 3) to touch along, for one finger, with postures to start from (N, J)."""
-
-    finger: Toucher
-    limits: ContactLimits
-    center: Array
-    front: Array
-    directions: Array
-    seeds: Array
-    iterations: int
-    tolerance: float
-    dexterity: Array
-    """Dexterity (N,) where it is known well enough, NaN where it is asked for."""
-
-    def __post_init__(self) -> None:
-        lock_arrays(self)
-
-
-Answer = tuple[Array, Array, NDArray[np.bool_], Array]
-"""Field (N,) [rad], postures (N, J), whether these touch (N,), and their dexterity (N,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +90,7 @@ class Contactable:
         question = Question(
             self.finger, self.limits, self.center, self.front, directions, seeds, 12, CLOSE, unknown
         )
-        return _answer([question])[0][0]
+        return answer([question])[0].margin
 
     @cached_property
     def _solved(self) -> NDArray[np.intp]:
@@ -147,7 +103,7 @@ class Contactable:
 
 @lru_cache(maxsize=24)
 def compute_contactable(
-    fingers: tuple[Toucher, ...], limits: ContactLimits, center: tuple[float, float, float]
+    fingers: tuple[Toucher, ...], limits: ContactLimits, center: tuple[float, ...]
 ) -> tuple[LevelSet, ...]:
     """Return CWS_i of every finger on a sphere about ``center`` (3,) [m], in the axes of the workspaces; the last are kept."""
     # Every finger's grid is refined by itself; their questions are answered together.
@@ -160,7 +116,7 @@ def compute_contactable(
     asked = dict(enumerate(map(next, work)))
     done: dict[int, Contactable] = {}
     while asked:
-        answers = _answer([q for q in asked.values() if q is not None])
+        answers = answer([q for q in asked.values() if q is not None])
         given = iter(answers)
         for i, question in list(asked.items()):
             try:
@@ -229,11 +185,12 @@ def _refine(
                 rows = np.flatnonzero(grid.find_crossed(margin, 0.0) & (margin < steep) & ~far)
                 seeded[rows] = False
             if len(rows):
-                answer = yield ask(rows)
-                assert answer is not None
-                better = answer[0] > margin[rows] if is_last else np.ones(len(rows), dtype=bool)
+                found = yield ask(rows)
+                assert found is not None
+                better = found.margin > margin[rows] if is_last else np.ones(len(rows), dtype=bool)
                 rows = rows[better]
-                margin[rows], q[rows], solved[rows], dexterity[rows] = (part[better] for part in answer)
+                margin[rows], q[rows] = found.margin[better], found.q[better]
+                solved[rows], dexterity[rows] = found.is_reached[better], found.dexterity[better]
                 exact[rows] = True
             if is_last:
                 break
@@ -268,121 +225,14 @@ def _refine_closed(
             # Between far from singular postures it stays so: what decides is the joints.
             known = dexterity[rows]
             known[~(known > limits.dexterity + DEXTERITY_CHANGE)] = np.nan
-            answer = yield Question(
+            found = yield Question(
                 finger, limits, center, front, grid.vertices[rows], np.zeros((len(rows), joints)), 1, 1.0, known
             )  # fmt: skip
-            assert answer is not None
-            margin[rows], _, _, dexterity[rows] = answer
+            assert found is not None
+            margin[rows], dexterity[rows] = found.margin, found.dexterity
             exact[rows] = True
     grid, count = build_icosphere(FINE), len(margin)
     return Contactable(
         grid, finger, limits, read_only(center), read_only(front), read_only(margin),
         np.zeros((0, joints)), np.zeros(count, dtype=bool),
     )  # fmt: skip
-
-
-def _answer(questions: list[Question]) -> list[Answer]:
-    """Answer questions; those of equal fingers, wherever they stand, in one go."""
-    found: dict[int, tuple[Array, NDArray[np.bool_], Array]] = {}
-    left = list(range(len(questions)))
-    while left:
-        chain = questions[left[0]].finger.workspace.chain
-        group = [
-            n
-            for n in left
-            if is_same_finger(chain, questions[n].finger.workspace.chain)
-            and questions[n].iterations == questions[left[0]].iterations
-        ]
-        wrist = find_spherical_wrist(chain)
-        if wrist is not None:
-            found |= _solve_closed(wrist, {n: questions[n] for n in group})
-        elif can_point(chain):
-            goals = [
-                move_to_base(
-                    questions[n].finger.workspace.chain,
-                    questions[n].center + questions[n].finger.distance * questions[n].directions,
-                    -questions[n].directions,
-                )
-                for n in group
-            ]
-            positions, poles = (np.concatenate(part) for part in zip(*goals, strict=True))
-            seeds = np.concatenate([questions[n].seeds for n in group])
-            is_asked = np.isnan(np.concatenate([questions[n].dexterity for n in group]))
-            q, reached, dexterity = solve_pointing(
-                chain,
-                positions,
-                poles,
-                seeds,
-                iterations=questions[group[0]].iterations,
-                # The dexterity is that before the last step: only where it is asked for must that be close.
-                tolerance=np.where(is_asked, questions[group[0]].tolerance, FIRST_STEP_ERROR),
-                is_asked=is_asked,
-            )
-            ends = np.cumsum([len(questions[n].directions) for n in group])[:-1]
-            for n, *parts in zip(group, *(np.split(x, ends) for x in (q, reached, dexterity)), strict=True):
-                found[n] = (parts[0], parts[1], parts[2])
-        else:
-            for n in group:
-                ask = questions[n]
-                X_WF = compute_aligned_pose(ask.center, ask.directions, ask.finger.distance)
-                q, reached = ask.finger.workspace.solve(X_WF)
-                found[n] = (q, reached, compute_dexterity(ask.finger.workspace.chain, q))
-        left = [n for n in left if n not in group]
-    return [_judge(question, *found[n]) for n, question in enumerate(questions)]
-
-
-def _solve_closed(
-    wrist: SphericalWrist, questions: dict[int, Question]
-) -> dict[int, tuple[Array, NDArray[np.bool_], Array]]:
-    """Return postures, whether reached, and dexterity of every question, in closed form on the branches that are sampled."""
-    asks = list(questions.values())
-    chains = [ask.finger.workspace.chain for ask in asks]
-    goals = [
-        move_to_base(chain, ask.center + ask.finger.distance * ask.directions, -ask.directions)
-        for ask, chain in zip(asks, chains, strict=True)
-    ]
-    positions, poles = (np.concatenate(part) for part in zip(*goals, strict=True))
-    ends = np.cumsum([len(ask.directions) for ask in asks])
-    parts = [slice(end - len(ask.directions), end) for ask, end in zip(asks, ends, strict=True)]
-    spare = np.full(len(positions), -np.inf)
-    postures, reached = np.zeros((6, len(positions))), np.zeros(len(positions), dtype=bool)
-    own = [find_sampled_branches(ask.finger.workspace) for ask in asks]
-    for branch in dict.fromkeys(branch for branches in own for branch in branches):
-        q, exists = wrist.solve(positions, poles, branch)
-        margin = np.full(len(positions), -np.inf)
-        for part, chain, branches in zip(parts, chains, own, strict=True):
-            if branch not in branches:
-                continue
-            lower, upper = chain.lower[:5, None], chain.upper[:5, None]
-            margin[part] = np.minimum(q[:5, part] - lower, upper - q[:5, part]).min(axis=0)
-        # The branch that leaves the joints more room.
-        better = exists & (margin > spare)
-        if better.all():
-            postures, reached, spare = q, exists, margin
-        else:
-            postures[:, better], spare[better] = q[:, better], margin[better]
-            reached |= better
-    # Not a number where nobody asks: there the joints decide, or it is known.
-    dexterity = np.full(len(positions), np.nan)
-    limit = np.concatenate([np.full(len(ask.directions), ask.limits.joint_margin) for ask in asks])
-    rows = reached & np.isnan(np.concatenate([ask.dexterity for ask in asks])) & (spare > limit - HOPELESS)
-    q = postures.T
-    if all(ask.tolerance <= CLOSE for ask in asks):
-        dexterity[rows] = compute_dexterity(asks[0].finger.workspace.chain, q[rows])
-    else:
-        dexterity[rows] = wrist.compute_dexterity(postures[:, rows])
-    return {n: (q[part], reached[part], dexterity[part]) for n, part in zip(questions, parts, strict=True)}
-
-
-def _judge(question: Question, q: Array, reached: NDArray[np.bool_], dexterity: Array) -> Answer:
-    """Return what postures (N, J) have to spare."""
-    chain, limits = question.finger.workspace.chain, question.limits
-    dexterity = np.where(np.isnan(question.dexterity), dexterity, question.dexterity)
-    q = wrap_to_limits(chain, q)
-    if can_point(chain) or chain.has_tip_roll:
-        q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
-    margin = np.fmin(compute_joint_margin(chain, q) - limits.joint_margin, dexterity - limits.dexterity)
-    # Beyond the last posture the dexterity counts as zero: what is not reached lies behind a singular posture.
-    margin = np.where(reached, margin, -max(limits.dexterity, 0.05))
-    off = SIGHT - np.arccos(np.clip(question.directions @ question.front, -1.0, 1.0))
-    return np.minimum(margin, off), q, reached, np.where(reached, dexterity, 0.0)

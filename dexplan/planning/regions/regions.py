@@ -103,6 +103,5 @@ def compute_regions(
     return Regions(read_only(X_WO), angle, tuple(contactable))
 
 
-def _as_tuple(point: Array) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in point + 0.0)  # no negative zeros: they are keys of a cache
-    return x, y, z
+def _as_tuple(point: Array) -> tuple[float, ...]:
+    return tuple(float(v) for v in point + 0.0)  # no negative zeros: they are keys of a cache

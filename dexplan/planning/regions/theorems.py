@@ -138,10 +138,10 @@ def check_theory_3(regions: Regions, i: int, j: int, k: int) -> RewindCondition:
                 f"Theory 3: {region.name} is empty, finger {own + 1} can nowhere hold with both finger {others[0] + 1} "
                 f"and finger {others[1] + 1}{_MAYBE}",
             )
-    x, y, angle = _find_widest(one, two)
-    margin = angle - regions.phi_min
+    widest = _find_widest(one, two)
+    margin = widest.angle - regions.phi_min
     if margin <= 0.0:
-        farthest, needed = spell_apart(np.degrees(angle), np.degrees(regions.phi_min))
+        farthest, needed = spell_apart(np.degrees(widest.angle), np.degrees(regions.phi_min))
         return RewindCondition(
             False,
             fingers,
@@ -149,11 +149,23 @@ def check_theory_3(regions: Regions, i: int, j: int, k: int) -> RewindCondition:
             f"Theory 3: no point of {one.name} is farther than {farthest} deg from one of {two.name}, "
             f"more than {needed} deg are needed{_MAYBE}",
         )
-    return RewindCondition(True, fingers, margin, "", read_only(x), read_only(y))
+    return RewindCondition(True, fingers, margin, "", widest.x, widest.y)
 
 
-def _find_widest(one: SphericalRegion, two: SphericalRegion) -> tuple[Array, Array, float]:
-    """Return x in ``one`` and y in ``two`` (3,), both exactly inside, with the largest central angle, and that angle [rad].
+@dataclass(frozen=True, eq=False)
+class _WidePair:
+    """A point of each of two regions (3,), object axes, and the central ``angle`` [rad] between them; 0 where none was found."""
+
+    x: Array
+    y: Array
+    angle: float
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
+
+def _find_widest(one: SphericalRegion, two: SphericalRegion) -> _WidePair:
+    """Return x in ``one`` and y in ``two``, both exactly inside, with the largest central angle.
 
     Where several are nearly as wide, the pair deepest inside.  The angle is 0 where no candidate proves to lie inside.
     """
@@ -168,8 +180,9 @@ def _find_widest(one: SphericalRegion, two: SphericalRegion) -> tuple[Array, Arr
     x, y = a[0][order], b[0][partner[order]]
     good = np.flatnonzero(one.contains(x) & two.contains(y))
     if not len(good):
-        return x[0], y[0], 0.0
-    return x[good[0]], y[good[0]], float(measure_angle(x[good[0]], y[good[0]]))
+        return _WidePair(x[0], y[0], 0.0)
+    best = good[0]
+    return _WidePair(x[best], y[best], float(measure_angle(x[best], y[best])))
 
 
 def _sample(region: SphericalRegion) -> tuple[Array, Array]:

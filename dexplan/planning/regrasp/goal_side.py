@@ -8,14 +8,15 @@ is rolled into: a pair of it is rolled apart until it holds alone, and the plan 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.regrasp.layers import Layers
-from dexplan.planning.regrasp.nodes import change_stand
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.still import Labels, Stand, StillContacts, change_stand
+from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.relocation_bound import Pair, RelocationBound
-from dexplan.planning.regrasp.still import Stand, StillContacts
 from dexplan.planning.rolling.roll_gait import RollPlan
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair
 from dexplan.planning.ways.travel import refuse_way
@@ -117,8 +118,20 @@ class GoalSide:
             refusals.append(Refusal(RefusalKind.CANNOT_COME_LAST, (name,), because=(cause,)))
         return pairs, refusals
 
+    def is_end(self, stand: Stand) -> bool:
+        """Return whether a stand is the goal grasp, or one from which that is rolled into."""
+        return self.still.label(stand) in self._ends
+
+    def find_option(self, stand: Stand) -> RollPlan | None:
+        """Return how the goal grasp is rolled into from an end; None where it is the goal grasp itself."""
+        return self._ends[self.still.label(stand)]
+
+    @cached_property
+    def _ends(self) -> dict[Labels, RollPlan | None]:
+        return {self.still.label(stand): option for stand, option in self.options.items()}
+
     @property
     def _layers(self) -> Layers:
-        layers = Layers(self.hand, self.admissibility, rest_at(self.X_WO))
+        layers = Layers(self.hand, self.admissibility, Track((rest_at(self.X_WO),)))
         layers.poses = [self.still]
         return layers

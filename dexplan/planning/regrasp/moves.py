@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from dexplan.planning.rolling.roll_to_goal import measure_angle
-from dexplan.plans.contacts import Contacts
+import numpy as np
+
+from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal
 from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, lock_arrays
+
+SAME_PLACE = 1e-7
+"""Contacts nearer to one another than this are one [m]: what a file and a few turns of the object round off is less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +28,7 @@ class Move:
     finger: int | None
     contacts: Contacts
     X_WO: Array
-    margins: dict[str, float] = field(default_factory=dict)
+    margins: Mapping[str, float] = field(default_factory=dict)
     rolls: tuple[TipRoll, ...] = ()
     why: str = ""
     motion: ObjectMotion | None = None
@@ -52,10 +57,14 @@ def reverse_roll(roll: TipRoll) -> TipRoll:
     return TipRoll(roll.finger, roll.X_OF[::-1], roll.normal_O[::-1])
 
 
+def is_same_place(a: Placement, b: Placement) -> bool:
+    """Return whether two contacts of a finger are at the same place of the object."""
+    return bool(np.linalg.norm(a.point_O - b.point_O) < SAME_PLACE)
+
+
 def is_same(a: Contacts, b: Contacts) -> bool:
     """Return whether the fingers touch at the same places."""
     return all(
-        (x is None) == (y is None)
-        and (x is None or y is None or measure_angle(x.normal_O, y.normal_O) < 1e-6)
+        (x is None) == (y is None) and (x is None or y is None or is_same_place(x, y))
         for x, y in zip(a, b, strict=True)
     )

@@ -9,13 +9,15 @@ along these places at all.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dexplan.planning.regrasp.layers import Layers
-from dexplan.planning.regrasp.still import Stand
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.still import Stand, build_landings
+from dexplan.plans.contacts import Placement
 from dexplan.spatial import Array
 
 NEVER = np.inf
@@ -27,14 +29,17 @@ class RelocationBound:
     """Lower bounds on the way through ``layers`` into one of the stands ``roots`` in the last of them.
 
     ``roots``: per stand of three contacts the pairs of fingers whose third can go to its contact last; a stand of two is its own.
+    None: any two contacts that hold are an end.
     ``is_early``: contacts of the roots may be taken in earlier poses, too, and carried on.
     """
 
-    def __init__(self, layers: Layers, roots: dict[Stand, list[Pair]], is_early: bool = False) -> None:
+    def __init__(
+        self, layers: Layers, roots: Mapping[Stand, list[Pair]] | None, is_early: bool = False
+    ) -> None:
         self._layers, self._roots, self._is_early = layers, roots, is_early
         self._count = len(layers.hand.fingers)
         self._pairs = list(combinations(range(self._count), 2))
-        self._normals: list[list[Array]] = [[] for _ in range(self._count)]
+        self._contacts: list[list[Placement]] = [[] for _ in range(self._count)]
         self._index: list[dict[bytes, int]] = [{} for _ in range(self._count)]
         self._within: list[list[set[int]]] = [[set() for _ in range(self._count)] for _ in layers.poses]
         self._dead: set[tuple[int, Pair, int, int]] = set()
@@ -46,7 +51,7 @@ class RelocationBound:
                     # What can be put down in one pose is still within reach in the next.
                     for pose in (layer, min(layer + 1, layers.last)):
                         self._within[pose][finger].add(self._number(layer, finger, spot))
-        self._ends = [self._numbers(layers.last, stand) for stand in roots]
+        self._ends = [self._numbers(layers.last, stand) for stand in roots or ()]
         for end in self._ends:
             for finger, number in end.items():
                 for within in self._within[0 if is_early else layers.last :]:
@@ -65,6 +70,8 @@ class RelocationBound:
         self._note(layer, stand)
         numbers = self._numbers(layer, stand)
         if (self._is_early or layer == self._layers.last) and numbers in self._ends:
+            return 0.0
+        if self._roots is None and layer == self._layers.last:
             return 0.0
         self._solve()
         found = self._distances[layer]
@@ -85,19 +92,30 @@ class RelocationBound:
         for finger, number in self._numbers(layer, stand).items():
             if number not in self._within[layer][finger]:
                 self._stale = self._layers.last
-                for within in self._within[layer:]:
-                    within[finger].add(number)
+                for pose in range(layer, self._layers.last + 1):
+                    if pose == layer or self._may_reach(pose, finger, number):
+                        self._within[pose][finger].add(number)
+
+    def _may_reach(self, pose: int, finger: int, number: int) -> bool:
+        """Return whether a contact that is on no grid may be within reach at a later pose.
+
+        On the way to a given grip, which is short, it may; on the way to any grip this decides how far one goes, and is asked.
+        """
+        if self._roots is not None:
+            return True
+        X_WO, contact = self._layers.poses[pose].X_WO, self._contacts[finger][number]
+        return build_landings(self._layers.hand, X_WO, finger, contact.normal_O[None])[0] is not None
 
     def _numbers(self, layer: int, stand: Stand) -> dict[int, int]:
-        """Return per finger that touches the number of its contact's direction."""
+        """Return per finger that touches the number of its contact's place."""
         return {f: self._number(layer, f, s) for f, s in enumerate(stand) if s is not None}
 
     def _number(self, layer: int, finger: int, spot: int) -> int:
-        normal = self._layers.poses[layer].spots[spot].normal_O
-        known, key = self._index[finger], normal.tobytes()
+        contact = self._layers.poses[layer].spots[spot]
+        known, key = self._index[finger], contact.point_O.tobytes()
         if key not in known:
             known[key] = len(known)
-            self._normals[finger].append(normal)
+            self._contacts[finger].append(contact)
             self._stale = self._layers.last
         return known[key]
 
@@ -106,11 +124,9 @@ class RelocationBound:
         if self._stale < 0:
             return
         layers, hand = self._layers, self._layers.hand
-        normals = [np.array(rows).reshape(-1, 3) for rows in self._normals]
-        centers = [
-            hand.object.surface.radial(n) + f.tip_radius * n
-            for n, f in zip(normals, hand.fingers, strict=True)
-        ]
+        normals = [np.array([c.normal_O for c in rows]).reshape(-1, 3) for rows in self._contacts]
+        points = [np.array([c.point_O for c in rows]).reshape(-1, 3) for rows in self._contacts]
+        centers = [p + f.tip_radius * n for p, n, f in zip(points, normals, hand.fingers, strict=True)]
         opposite = layers.poses[-1].opposite
         is_apart: dict[Pair, Bools] = {}
         holds: dict[Pair, Bools] = {}
@@ -122,8 +138,9 @@ class RelocationBound:
         if self._stale < layers.last:
             later = self._distances[self._stale + 1]
         else:
-            later = {pair: np.full(rows.shape, NEVER) for pair, rows in holds.items()}
-            for end, pairs in zip(self._ends, self._roots.values(), strict=True):
+            # Any two that hold are an end, or none but the roots.
+            later = {pair: np.where(rows & (self._roots is None), 0.0, NEVER) for pair, rows in holds.items()}
+            for end, pairs in zip(self._ends, (self._roots or {}).values(), strict=True):
                 for a, b in pairs:
                     later[a, b][end[a], end[b]] = len(end) - 2.0
         for layer in range(self._stale, -1, -1):

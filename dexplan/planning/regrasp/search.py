@@ -10,15 +10,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dexplan.planning.contacts.layers import Layers
+from dexplan.planning.contacts.oracle import Progress
+from dexplan.planning.contacts.site_contacts import SiteContacts
+from dexplan.planning.contacts.still import Stand
+from dexplan.planning.contacts.track import Track
+from dexplan.planning.regrasp.build import build_moves
+from dexplan.planning.regrasp.ends import GoalEnd
 from dexplan.planning.regrasp.goal_side import OPTIONS, GoalSide
-from dexplan.planning.regrasp.layers import Layers
-from dexplan.planning.regrasp.moves import Adjustment, Move, is_same
-from dexplan.planning.regrasp.nodes import Labels, Node, build_moves, trace_back
+from dexplan.planning.regrasp.moves import Adjustment, Move, is_same, is_same_place
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
-from dexplan.planning.regrasp.stand_search import AbstractStandSearch
-from dexplan.planning.regrasp.still import land_again
 from dexplan.planning.rolling.roll_gait import RollPlan
-from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle, roll_all_the_way
+from dexplan.planning.rolling.roll_to_goal import RollEveryPair, roll_all_the_way
+from dexplan.planning.search.engine import Engine, Patience
+from dexplan.planning.search.moves import RollTo
+from dexplan.planning.search.nodes import Node, trace_back
+from dexplan.planning.search.stepwise import StepProblem
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal, RefusalKind
@@ -26,10 +33,13 @@ from dexplan.spatial import Array
 
 NODES_TO_IMPROVE = 30
 """After the first way is found as many nodes as it took are opened again, and so many more, to find a better one."""
+PATIENCE = Patience(opened=0.5, failed=0.5)
+"""What a grasp's priority loses, in moves, for every one like it that was opened, or that failed in the same place."""
+START = Progress(0, 0)
 
 
 @dataclass(eq=False)
-class AdjustmentSearch(AbstractStandSearch):
+class AdjustmentSearch:
     """Finds moves from grasps that it is given to the goal contacts of ``side``; ``chosen`` is the number of the one it found.
 
     The object goes through the layers' motion meanwhile and ends where ``side`` has it; the grasps have the postures of its
@@ -39,12 +49,13 @@ class AdjustmentSearch(AbstractStandSearch):
     grasp that an earlier search found; what this one finds is added.
     """
 
+    layers: Layers
+    is_simultaneous: bool = False
     side: GoalSide = field(kw_only=True)
     known_rolls: dict[bytes, tuple[list[RollPlan], Refusal | None]] = field(default_factory=dict)
     chosen: int = field(default=0, init=False)
     _starts: int = field(default=0, init=False)
     _dead_end: Refusal | None = field(default=None, init=False)
-    _early: dict[tuple[int, int], list[int]] = field(default_factory=dict, init=False)
 
     @classmethod
     def along(
@@ -55,20 +66,27 @@ class AdjustmentSearch(AbstractStandSearch):
         is_simultaneous: bool = False,
     ) -> AdjustmentSearch:
         """Return a search along the ``motion`` that leads to the goal's pose."""
-        layers = Layers(side.hand, side.admissibility, motion)
+        layers = Layers(side.hand, side.admissibility, Track((motion,)))
         layers.poses[-1] = side.still
         return cls(layers, is_simultaneous, side=side, known_rolls=known_rolls)
 
     def __post_init__(self) -> None:
-        self._hand, self._last = self.side.hand, self.layers.last
+        self._hand, self._contacts = self.side.hand, SiteContacts(self.layers)
         self.bound = RelocationBound(self.layers, self.side.roots, self.is_simultaneous)
-        self._options = {self.side.still.label(stand): o for stand, o in self.side.options.items()}
+        end = GoalEnd(self.layers, self.side, self.is_simultaneous)
+        self._problem = StepProblem(self._contacts, end, self.bound, self.is_simultaneous)
+        self._engine = Engine(self._problem, PATIENCE)
+
+    @property
+    def opened(self) -> int:
+        """Number of nodes opened."""
+        return self._engine.opened
 
     def begin(self, start: Contacts) -> Adjustment | None:
         """Add a grasp to start from; return the moves where they are so simple that no search is needed."""
         number = self._starts
         self._starts += 1
-        if not self._last:
+        if not self.layers.last:
             self.chosen = number
             if is_same(start, self.side.goal):
                 return Adjustment(())
@@ -88,31 +106,30 @@ class AdjustmentSearch(AbstractStandSearch):
 
     def run(self, node_budget: int) -> Adjustment:
         """Return the moves, fewest first as far as the search's greed allows; at most so many nodes are opened in all."""
-        before = self.opened
-        best: Node | None = None
-        until = node_budget
-        while (node := self._open_next(until, np.inf if best is None else best.spent)) is not None:
-            if node.layer < self._last or self._label(node) not in self._options:
-                self._expand(node)
-                continue
-            if refusal := self._check_carries(node):
-                self._refuse(refusal, node)
-                continue
+        before, until = self.opened, node_budget
+        best: Node[Stand] | None = None
+        while (node := self._engine.run(until - self.opened)) is not None:
             if best is None:
                 until = min(until, 2 * self.opened + NODES_TO_IMPROVE)
-            if best is None or node.spent < best.spent:
-                best, option = node, self._options[self._label(node)]
+            if best is None or node.cost < best.cost:
+                best, self._problem.cost_limit = node, node.cost
             if not self.is_simultaneous:
                 break
+        # What is asked for next may begin elsewhere.
+        self._problem.cost_limit = np.inf
+        opened = self.opened - before
         if best is not None:
-            self.chosen = trace_back(best)[0].start
-            return Adjustment(
-                build_moves(self.layers, best, self.side.goal, option), opened=self.opened - before
-            )
-        refusal = self._dead_end or self.side.refusal or self.explain()
-        if not self.is_exhausted:
+            self.chosen = trace_back(best)[0].origin
+            moves = build_moves(self._contacts, best, self.side.goal, self.side.find_option(best.grip))
+            return Adjustment(moves, opened=opened)
+        refusal = self._dead_end or self.side.refusal or self._explain()
+        if not self._engine.is_exhausted:
             refusal = replace(refusal, words=f"{refusal} ({self.opened} nodes were opened)")
-        return Adjustment(None, refusal, self.opened - before, is_exhausted=self.is_exhausted)
+        return Adjustment(None, refusal, opened, is_exhausted=self._engine.is_exhausted)
+
+    def _explain(self) -> Refusal:
+        """Return what stopped the search nearest to the goal."""
+        return next(iter(self._engine.list_refusals(1)), Refusal(RefusalKind.NO_PLACE))
 
     # -- where it begins and ends ----------------------------------------------------------------------------------------
 
@@ -120,7 +137,7 @@ class AdjustmentSearch(AbstractStandSearch):
         """Begin with a grasp; return why no finger of it can ever be lifted, None if one can."""
         first = self.layers.poses[0]
         stand = tuple(None if c is None else first.add(c, self._name(c)) for c in start)
-        self._push(Node(0, stand, 0.0, start=number))
+        self._engine.push(Node(START, stand, origin=number))
         if first.has_pair(stand) or sum(s is not None for s in stand) < 3:
             return None
         options, refusal = self._unroll(first.X_WO, start)
@@ -128,14 +145,14 @@ class AdjustmentSearch(AbstractStandSearch):
             after = tuple(None if c is None else first.add(c, self._name(c)) for c in option.contacts)
             i, j = (self._hand.fingers[f].name for f in option.pair)
             why = f"no two contacts are force closed; {i} and {j} roll apart until they are"
-            head = Move("roll", None, option.contacts, first.X_WO, option.margins, option.rolls, why)
-            self._push(Node(0, after, 1.0, head=head, start=number))
+            roll = RollTo(option.rolls, option.contacts, option.margins, why)
+            self._engine.push(Node(START, after, 1.0, moves=(roll,), origin=number))
         return refusal
 
     def _name(self, contact: Placement) -> int | None:
         """Return the label of a contact: a finger may stand at its goal contact already."""
         goal = self.side.goal[contact.finger]
-        is_there = goal is not None and measure_angle(goal.normal_O, contact.normal_O) < 1e-6
+        is_there = goal is not None and is_same_place(goal, contact)
         return 0 if is_there else None
 
     def _unroll(self, X_WO: Array, start: Contacts) -> tuple[list[RollPlan], Refusal | None]:
@@ -149,35 +166,3 @@ class AdjustmentSearch(AbstractStandSearch):
                 refusal = Refusal(RefusalKind.CANNOT_ROLL_APART, ("start",), because=search.explain())
             self.known_rolls[key] = options, refusal
         return self.known_rolls[key]
-
-    def _label(self, node: Node) -> Labels:
-        return self.layers.poses[node.layer].label(node.stand)
-
-    def _check_carries(self, node: Node) -> Refusal | None:
-        """Return why an object motion on the way to ``node`` cannot be, looked at closely; notes the margins of all."""
-        while node.parent is not None:
-            if node.parent.layer != node.layer and not node.margins:
-                node.margins, refusal = self.layers.judge_carry(node.parent.layer, node.parent.stand)
-                if refusal:
-                    node.margins = {}
-                    return refusal
-            node = node.parent
-        return None
-
-    # -- search ----------------------------------------------------------------------------------------------------------
-
-    def _goals(self, layer: int, finger: int) -> list[int]:
-        """Return the contacts on ways into the goal that a finger may take in a layer."""
-        if layer == self._last:
-            return self.side.wanted.get(finger, [])
-        if not self.is_simultaneous:
-            return []
-        key = layer, finger
-        if key not in self._early:
-            still, last = self.layers.poses[layer], self.side.still
-            self._early[key] = []
-            for spot in self.side.wanted.get(finger, []):
-                found = land_again(self._hand, still.X_WO, last.spots[spot])
-                if found is not None:
-                    self._early[key].append(still.add(found, last.labels[spot]))
-        return self._early[key]

@@ -35,7 +35,7 @@ from dexplan.plans.motion import rest_at
 from dexplan.plans.phases import PlannedPhase, build_lifting, demand_touch
 from dexplan.plans.refusal import Key, Refusal, RefusalCount, RefusalKind
 from dexplan.plans.tip_roll import TipRoll
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
 STEP = float(np.radians(1.0))
 """Ways are checked this often along the object, and pairs opened in these steps [rad]."""
@@ -152,6 +152,18 @@ def judge_ways(
     return rows, None
 
 
+@dataclass(frozen=True, eq=False)
+class _PairRoll:
+    """How two tips roll apart: their rolls, the postures (K, J) [rad] of each on the way, and why it fails, if it does."""
+
+    rolls: list[TipRoll]
+    ways: dict[int, Array]
+    refusal: Refusal | None
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
+
 @dataclass(eq=False)
 class RollToPair:
     """Looks for ways to roll three holding fingers so that two of them hold alone."""
@@ -196,12 +208,12 @@ class RollToPair:
     def open_pair(self, a: Placement, b: Placement, third: Placement, wider: float) -> RollPlan | None:
         """Return how ``a`` and ``b`` roll apart by ``wider`` [rad] in all; None, and the refusals counted, where they cannot."""
         # Whether the pair can roll and then holds alone does not depend on where the third finger goes meanwhile.
-        rolls, postures, refusal = self._roll_pair(a, b, wider)
-        if refusal:
-            self.refusals.add(refusal)
+        pair = self._roll_pair(a, b, wider)
+        if pair.refusal:
+            self.refusals.add(pair.refusal)
             return None
         for follow in FOLLOW:
-            found, refusal = self._try(rolls, postures, (a, b, third), float(np.radians(follow)))
+            found, refusal = self._try(pair, (a, b, third), float(np.radians(follow)))
             if found is not None:
                 return found
             if refusal:
@@ -215,10 +227,8 @@ class RollToPair:
             self._first_refused.setdefault(refusal.key, ways)
         return rows, refusal
 
-    def _roll_pair(
-        self, a: Placement, b: Placement, wider: float
-    ) -> tuple[list[TipRoll], dict[int, Array], Refusal | None]:
-        """Return the rolls that open the pair by ``wider`` [rad], its postures (K, J) on the way, and why it fails (None)."""
+    def _roll_pair(self, a: Placement, b: Placement, wider: float) -> _PairRoll:
+        """Return how the pair opens by ``wider`` [rad]."""
         count = max(16, int(np.ceil(0.5 * wider / STEP)) + 1)
         rolls: list[TipRoll] = []
         ways = {x.finger: np.repeat(x.q[None], count, axis=0) for x in (a, b)}
@@ -227,21 +237,20 @@ class RollToPair:
                 roll = build_roll(self.hand, x, -y.normal_O, 0.5 * wider, count)
                 ways[x.finger], refusal = follow_roll(self.hand, self.X_WO, roll, x.q)
                 if refusal:
-                    return rolls, ways, refusal
+                    return _PairRoll(rolls, ways, refusal)
                 rolls.append(roll)
-        return rolls, ways, self._judge({finger: way[-1:] for finger, way in ways.items()})[1]
+        return _PairRoll(rolls, ways, self._judge({finger: way[-1:] for finger, way in ways.items()})[1])
 
     def _try(
         self,
-        pair_rolls: list[TipRoll],
-        pair_ways: dict[int, Array],
+        pair: _PairRoll,
         fingers: tuple[Placement, Placement, Placement],
         follow: float,
     ) -> tuple[RollPlan | None, Refusal | None]:
         """Return the plan in which the pair rolls as given while the third finger rolls by ``follow`` [rad]; else why not."""
         a, b, third = fingers
-        count = len(pair_ways[a.finger])
-        rolls, ways = list(pair_rolls), {**pair_ways, third.finger: np.repeat(third.q[None], count, axis=0)}
+        count = len(pair.ways[a.finger])
+        rolls, ways = list(pair.rolls), {**pair.ways, third.finger: np.repeat(third.q[None], count, axis=0)}
         if follow != 0.0:
             toward = -a.normal_O - b.normal_O
             if np.linalg.norm(np.cross(toward, third.normal_O)) < 1e-9:
@@ -259,12 +268,12 @@ class RollToPair:
             before = contacts[roll.finger]
             assert before is not None
             contacts[roll.finger] = end_placement(roll, before, ways[roll.finger][-1])
-        pair, refusal = self._check_lift(tuple(contacts), (a.finger, b.finger), third.finger)
-        if pair is None:
+        held, refusal = self._check_lift(tuple(contacts), (a.finger, b.finger), third.finger)
+        if held is None:
             return None, refusal
         return (
             RollPlan(
-                tuple(rolls), tuple(contacts), (a.finger, b.finger), third.finger, worst(rows), pair.as_dict()
+                tuple(rolls), tuple(contacts), (a.finger, b.finger), third.finger, worst(rows), held.as_dict()
             ),
             None,
         )

@@ -32,13 +32,13 @@ def _explain(stages: Stages, done: Outcome, tried: str) -> str:
     Where everything was tried from the start grasp, friction is what was short.  A search that gave up has shown nothing.
     """
     if done.gave_up:
-        return explain_giving_up(done, stages.opened, tried, stages.node_budget)
+        return explain_giving_up(done, stages.opened, tried, stages.task.options.node_budget)
     assert done.why is not None
     where = f" ({tried})" if tried else ""
     why, cure = f"{done.why}{where}", suggest_cure(done.why)
     if not stages.exhausted:
         return f"{why}; {cure}"
     return (
-        f"{why}; every grasp that the start grasp leads to was tried, and {explain_separation(stages.hand)}; "
+        f"{why}; every grasp that the start grasp leads to was tried, and {explain_separation(stages.task.hand)}; "
         f"raise the friction, lower friction.safety, choose another start grasp, or {cure}"
     )

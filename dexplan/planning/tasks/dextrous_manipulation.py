@@ -16,13 +16,15 @@ import numpy as np
 from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.actions.overlap import overlap_travel
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.cost import Improvement
+from dexplan.planning.search.cost import Improvement
+from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.dead_ends import refuse_end
 from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
+from dexplan.planning.tasks.grasp_task import GraspTask
 from dexplan.planning.tasks.no import No
-from dexplan.planning.tasks.object_manipulation import FIRST, Start
-from dexplan.planning.tasks.passes import PASSES, Pass
+from dexplan.planning.tasks.passes import PASSES, GraspWay, Pass
 from dexplan.planning.tasks.stages import Stages
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
@@ -49,28 +51,27 @@ def plan_dextrous_manipulation(
     goal: RotationGoal,
     start: Start,
     contacts: GoalContacts,
-    node_budget: int,
-    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    options: SearchOptions,
     order: Order = "object_first",
     compute_duration: Callable[[Plan], float] | None = None,
-    improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan after which the object is at ``goal`` and every finger at its goal contact.
 
     ``contacts``: outward normals in object axes, None for a finger that has to be free.  ``compute_duration`` tells how long a
     plan takes [s]; the order "simultaneous" takes the shortest it finds, and counts actions where there is none.
-    ``improvement`` says how long other ways are tried for a plan that costs less, none on which the grasp is adjusted later.  No
+    The options say how long other ways are tried for a plan that costs less, none on which the grasp is adjusted later.  No
     plan is an answer with a status: those of a grasp adjustment, with ``no_dextrous_plan`` instead of ``no_adjustment``.
     """
     if order == "simultaneous":
         # Three searches vie for the shortest time already.
-        improvement = FIRST
-    stages = Stages(hand, goal.X_WO_start, start, contacts, node_budget, primitives, improvement)
-    if stages.is_start_refused:
-        return stages.refuse_start(KIND, goal)
+        options = replace(options, improvement=Improvement())
+    task = GraspTask(hand, goal.X_WO_start, start, contacts, options)
+    stages = Stages(task)
+    if task.is_start_refused:
+        return task.refuse_start(KIND, goal)
     if no := refuse_goal_contacts(hand, contacts):
         return stages.refuse(KIND, goal, no)
-    landed, missing = stages.land_goal(goal.X_WO_goal)
+    landed, missing = task.land_goal(goal.X_WO_goal)
     if missing:
         words = f"{' and '.join(missing)} cannot reach the goal contact with the object at its goal"
         shorten = "shorten goal.translation_m, or " if np.any(goal.shift_W) else "or "
@@ -78,7 +79,7 @@ def plan_dextrous_manipulation(
         refusal = Refusal(RefusalKind.GOAL_CONTACT_OUT_OF_REACH, missing, cure=cure, words=words)
         no = No(Status.GOAL_CONTACTS_UNREACHABLE, f"{words}; {cure}", refusal)
         return stages.refuse(KIND, goal, no)
-    if refused := stages.refuse_goal(goal.X_WO_goal, landed):
+    if refused := task.refuse_goal(goal.X_WO_goal, landed):
         cure = suggest_cure(refused)
         reason = f"the goal contacts cannot hold the object at its goal ({refused}); {cure}"
         no = No(Status.GOAL_GRASP_INADMISSIBLE, reason, replace(refused, cure=cure))
@@ -97,19 +98,24 @@ def _plan_in_order(
 ) -> Plan:
     """Return the plan that adjusts the grasp after the first of ``shares`` of the object's way at which that works."""
     whole = goal.motion
-    ways = [(whole.part(0.0, share), whole.part(share, 1.0)) for share in shares]
-    detours = _choose_detours(stages, goal) if len(shares) > 1 and goal.is_attitude else []
+    ways = [
+        GraspWay(whole.part(0.0, share), whole.part(share, 1.0), goal.is_attitude, is_simultaneous)
+        for share in shares
+    ]
+    detours = (
+        _choose_detours(stages.task, goal, is_simultaneous) if len(shares) > 1 and goal.is_attitude else []
+    )
     ways += detours[:MOST]
     passes = TOGETHER if is_simultaneous else PASSES
-    done = stages.run_all(ways, passes, work, goal.is_attitude, is_simultaneous, is_early=True)
+    done = stages.run_all(ways, passes, work, is_early=True)
     if done.number is not None:
-        return stages.build_plan(KIND, goal, done.actions, done.start)
+        return stages.build_plan(KIND, goal, done)
     done = replace(done, gave_up=done.gave_up or len(detours) > MOST)
     status = Status.BUDGET_EXHAUSTED if done.gave_up else Status.NO_DEXTROUS_PLAN
     return stages.refuse(KIND, goal, refuse_end(stages, status, done, ", or try another goal.order"))
 
 
-def _choose_detours(stages: Stages, goal: RotationGoal) -> list[tuple[ObjectMotion, ObjectMotion]]:
+def _choose_detours(task: GraspTask, goal: RotationGoal, is_simultaneous: bool) -> list[GraspWay]:
     """Return motions to poses off the straight way, where the goal contacts are within reach, and on from there to the goal.
 
     Any way there will do; the grasp is adjusted there, and then carries the object on.
@@ -118,9 +124,10 @@ def _choose_detours(stages: Stages, goal: RotationGoal) -> list[tuple[ObjectMoti
     for angle in DETOURS:
         for axis in spread_directions(AXES):
             X_WO = ObjectMotion(end, axis, -angle, np.zeros(3)).X_WO_end
-            if not stages.land_goal(X_WO)[1]:
+            if not task.land_goal(X_WO)[1]:
                 there = RotationGoal.from_attitude(goal.X_WO_start, X_WO[:3, :3], goal.shift_W)
-                ways.append((there.motion, ObjectMotion(X_WO, axis, angle, np.zeros(3))))
+                on = ObjectMotion(X_WO, axis, angle, np.zeros(3))
+                ways.append(GraspWay(there.motion, on, True, is_simultaneous))
     return ways
 
 
@@ -132,7 +139,7 @@ def _plan_simultaneous(stages: Stages, goal: RotationGoal, compute_duration: Cal
     """
     plans = [_plan_in_order(stages, goal, (1.0,), WORK // 3, is_simultaneous=True)]
     plans += [_plan_in_order(stages, goal, shares, WORK // 2) for shares in ((1.0,), SHARES)]
-    solved = [overlap_travel(stages.hand, plan) for plan in plans if plan.is_solved]
+    solved = [overlap_travel(stages.task.hand, plan) for plan in plans if plan.is_solved]
     if not solved:
         # Where one of them gave up there may be a way after all.
         return next((plan for plan in plans if plan.status is Status.BUDGET_EXHAUSTED), plans[0])

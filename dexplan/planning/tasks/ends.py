@@ -8,17 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Literal
 
 import numpy as np
 
 from dexplan.planning.actions.joining import follow_actions, without_holds
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.regrasp.still import StillContacts
+from dexplan.planning.contacts.still import StillContacts
 from dexplan.planning.rolling.roll_gait import build_roll_actions
 from dexplan.planning.rolling.roll_to_goal import RollEveryPair, measure_angle
-from dexplan.planning.tasks.object_manipulation import Start, plan_rotations
+from dexplan.planning.search.options import SearchOptions
+from dexplan.planning.tasks.object_manipulation import plan_rotations
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.goal import RotationGoal
@@ -86,8 +87,7 @@ class Ends:
     goal: RotationGoal
     beginnings: list[Beginning]
     contacts: Contacts
-    node_budget: int
-    primitives: tuple[Literal["substitution", "rewind"], ...]
+    options: SearchOptions
     opened: int = 0
     why: Refusal | None = None
     found: list[End] = field(default_factory=list)
@@ -127,14 +127,14 @@ class Ends:
             if self.found and budget > BUDGETS[depth - 1]:
                 return
             for beginning in self.beginnings[: None if depth else 1]:
-                most = min(budget, self.node_budget)
+                most = min(budget, self.options.node_budget)
                 if beginning in closed or tried.get(beginning, 0) >= most:
                     continue
                 while self._depth < depth or self._until <= self.opened:
                     yield None
                 before, nodes = self.opened, min(most, self._until - self.opened)
                 tried[beginning] = nodes
-                plans = plan_rotations(self.hand, self.goal, beginning.start, nodes, self.primitives)
+                plans = plan_rotations(self.hand, self.goal, beginning.start, nodes, self.options.primitives)
                 for plan in islice(plans, MOST):
                     self.opened = before + int(plan.statistics.get("nodes", 0))
                     if not plan.is_solved:

@@ -21,7 +21,8 @@ from dexplan.planning.admissible.admissibility import (
 )
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.tasks.object_manipulation import Start, plan_rotation
+from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action, MoveObject
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.goal import RotationGoal

@@ -9,20 +9,20 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from itertools import islice
-from typing import Literal
 
 import numpy as np
 
 from dexplan.planning.actions.coordinated import center_spin, plan_coordinated
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.cost import Improvement
+from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.dead_ends import refuse_end
 from dexplan.planning.tasks.goal_refusals import GoalContacts, refuse_goal_contacts, suggest_cure
+from dexplan.planning.tasks.grasp_task import GraspTask
 from dexplan.planning.tasks.no import No
-from dexplan.planning.tasks.object_manipulation import FIRST, Start
-from dexplan.planning.tasks.passes import PASSES, Outcome, scale_work
+from dexplan.planning.tasks.passes import PASSES, GraspWay, Outcome, scale_work
 from dexplan.planning.tasks.reorient import Turns
 from dexplan.planning.tasks.stages import Stages
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion, rest_at
@@ -43,37 +43,36 @@ def plan_grasp_adjustment(
     X_WO: Array,
     start: Start,
     goal: GoalContacts,
-    node_budget: int,
-    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    options: SearchOptions,
     keep_object: bool = False,
-    improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan after which every finger touches at its goal contact.
 
     The object stays at ``X_WO`` (4, 4) if that is possible; else it is turned by one of the turns that help, and, with
-    ``keep_object``, brought back by the goal grasp.  ``improvement`` says how long other turns are tried then for a plan that
-    costs less.  No plan is an answer with a status: ``goal_contacts_unreachable``, ``goal_grasp_inadmissible``,
+    ``keep_object``, brought back by the goal grasp; the options say how long other turns are tried then for a plan that costs
+    less.  No plan is an answer with a status: ``goal_contacts_unreachable``, ``goal_grasp_inadmissible``,
     ``no_adjustment`` where everything was tried, ``budget_exhausted`` where the search gave up before, or one of those that
     refuse a start.
     """
-    stages = Stages(hand, X_WO, start, goal, node_budget, primitives, improvement)
+    task = GraspTask(hand, X_WO, start, goal, options)
+    stages = Stages(task)
     stay = RotationGoal(X_WO, VERTICAL, 0.0)
-    if stages.is_start_refused:
-        return stages.refuse_start(KIND, stay)
+    if task.is_start_refused:
+        return task.refuse_start(KIND, stay)
     if no := refuse_goal_contacts(hand, goal):
         return stages.refuse(KIND, stay, no)
-    contacts, missing = stages.land_goal(X_WO)
-    refusal = None if missing else stages.refuse_goal(X_WO, contacts)
+    contacts, missing = task.land_goal(X_WO)
+    refusal = None if missing else task.refuse_goal(X_WO, contacts)
     staying: Outcome | None = None
     if not missing and not refusal:
-        staying = stages.run(rest_at(X_WO), rest_at(X_WO))
+        staying = stages.run(GraspWay(rest_at(X_WO), rest_at(X_WO)))
         if staying.is_found:
-            return stages.build_plan(KIND, stay, staying.actions, staying.start)
+            return stages.build_plan(KIND, stay, staying)
     elif keep_object:
         return stages.refuse(KIND, stay, _refuse_to_stay(missing, refusal))
-    turns = Turns(stages)
-    may_end = partial(_can_return, stages) if keep_object else None
-    most = scale_work(TURNS, node_budget)
+    turns = Turns(task)
+    may_end = partial(_can_return, task) if keep_object else None
+    most = scale_work(TURNS, options.node_budget)
     chosen = list(islice(turns.choose(may_end), most + 1))
     is_more, chosen = len(chosen) > most, chosen[:most]
     ways = []
@@ -81,12 +80,12 @@ def plan_grasp_adjustment(
         motion = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
         there = motion.X_WO_end
         back = ObjectMotion(there, turn.axis_W, -turn.angle, np.zeros(3)) if keep_object else rest_at(there)
-        ways.append((motion, back))
-    done = stages.run_all(ways, PASSES, WORK, is_attitude=True, is_simultaneous=False)
+        ways.append(GraspWay(motion, back))
+    done = stages.run_all(ways, PASSES, WORK)
     if done.number is not None:
-        there = ways[done.number][0].X_WO_end
+        there = ways[done.number].before.X_WO_end
         goal_pose = stay if keep_object else RotationGoal.from_attitude(X_WO, there[:3, :3])
-        return stages.build_plan(KIND, goal_pose, done.actions, done.start)
+        return stages.build_plan(KIND, goal_pose, done)
     keep = ", or set goal.keep_object = false" if keep_object else ""
     if chosen:
         gave_up = done.gave_up or is_more or (staying is not None and staying.gave_up)
@@ -142,12 +141,12 @@ def _refuse_every_attitude(turns: Turns) -> No:
     return No(Status.GOAL_CONTACTS_UNREACHABLE, f"{words}; {cure}", refusal)
 
 
-def _can_return(stages: Stages, X_WO: Array, contacts: Contacts) -> bool:
+def _can_return(task: GraspTask, X_WO: Array, contacts: Contacts) -> bool:
     """Return whether the goal contacts can carry the object from ``X_WO`` (4, 4) back to where it starts."""
-    turn = RotationGoal.from_attitude(X_WO, stages.X_WO[:3, :3])
+    turn = RotationGoal.from_attitude(X_WO, task.X_WO[:3, :3])
     back = ObjectMotion(X_WO, turn.axis_W, turn.angle, np.zeros(3))
-    held = tuple(None if c is None else center_spin(stages.hand, c, back) for c in contacts)
-    return plan_coordinated(stages.hand, stages.admissibility, held, back, "")[1] is None
+    held = tuple(None if c is None else center_spin(task.hand, c, back) for c in contacts)
+    return plan_coordinated(task.hand, task.admissibility, held, back, "")[1] is None
 
 
 def _describe_tried(tried: int, chosen: int, is_more: bool) -> str:

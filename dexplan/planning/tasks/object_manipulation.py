@@ -4,42 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
-from dexplan.kinematics.spherical_wrist import solve_standing
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.conditions import Condition
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.cost import Improvement
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
+from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.gait.escape import MOST_PLACES_COUNTED, count_room, find_escapes
-from dexplan.planning.gait.held import Held
-from dexplan.planning.gait.legs import Leg
+from dexplan.planning.gait.exchange import GaitNode
 from dexplan.planning.gait.routes import build_detours, build_routes, list_swings
-from dexplan.planning.gait.search import CURE, GaitSearch, Node
-from dexplan.planning.gait.start_pairs import refuse_unreachable
+from dexplan.planning.gait.search import CURE, GaitSearch
+from dexplan.planning.search.cost import Improvement
+from dexplan.planning.search.options import Primitive
 from dexplan.planning.tasks.blocked import (
-    StartContact,
     may_hold_at,
-    refuse_start_contact,
 )
 from dexplan.planning.tasks.no import No
-from dexplan.planning.tasks.pair_survey import PairSurvey, refuse_every_pair, spell_no_pair
-from dexplan.planning.tasks.start_refusals import refuse_lifting, refuse_start_grasp
+from dexplan.planning.tasks.pair_survey import refuse_every_pair, spell_no_pair
+from dexplan.planning.tasks.start_refusals import refuse_lifting
+from dexplan.planning.tasks.starting import Start, begin, find_held
 from dexplan.plans.actions import Action
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan
-from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.refusal import Cure, Refusal
 from dexplan.plans.status import Status
-
-Start = tuple[StartContact | None, ...] | None
-"""Per finger the outward normal (3,) in W where it touches at first, or the whole tip pose X_OF (4, 4) in the object frame, or
-the placement with which it came to where it stands now, or None for a free finger.  None instead of the tuple where the planner
-may choose."""
 
 STRETCH = 4
 """Nodes that the search of a route may open before another may have its turn."""
@@ -97,7 +90,7 @@ def plan_rotation(
     goal: RotationGoal,
     start: Start,
     node_budget: int,
-    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    primitives: tuple[Primitive, ...] = ("substitution",),
     improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan that takes the object to ``goal`` by finger gaiting.
@@ -114,7 +107,7 @@ def plan_rotations(
     goal: RotationGoal,
     start: Start,
     node_budget: int,
-    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    primitives: tuple[Primitive, ...] = ("substitution",),
 ) -> Iterator[Plan]:
     """Yield plans as :func:`plan_rotation` finds them, one after another: they end in different grasps.
 
@@ -131,7 +124,7 @@ class _Planning:
     goal: RotationGoal
     start: Start
     node_budget: int
-    primitives: tuple[Literal["substitution", "rewind"], ...]
+    primitives: tuple[Primitive, ...]
     improvement: Improvement
     contacts: Contacts = ()
     searches: list[GaitSearch] = field(default_factory=list)
@@ -202,9 +195,15 @@ class _Planning:
             self.node_budget = min(self.node_budget, BUDGET_OFF_THE_GRID)
         first = GaitSearch(self.hand, build_routes(self.goal)[0], self._admissibility, self.primitives)
         self.searches.append(first)
-        return self._begin_first(first)
+        begun = begin(self.hand, self.goal.X_WO_start, self.start, first, self._admissibility)
+        self.contacts = begun.contacts
+        return None if begun.no is None else self._refuse(begun.no)
 
-    def _find_ways(self) -> Iterator[tuple[GaitSearch, Node]]:
+    def _find_held(self, table: ContactTable) -> tuple[Held, ...]:
+        """Return the start contacts on the first leg of a route."""
+        return find_held(self.hand, self.goal.X_WO_start, self.start, table)
+
+    def _find_ways(self) -> Iterator[tuple[GaitSearch, GaitNode]]:
         """Yield ways to the goal, each as its search and last node, until the budget is spent."""
         proposals = self._propose(self.searches[0].tables[0])
         while (left := self.node_budget - int(self.statistics["nodes"])) > 0:
@@ -243,7 +242,7 @@ class _Planning:
         plan = _answer(self.hand, self.goal, no.status, no.reason, self.contacts, (), self.statistics)
         return replace(plan, refusal=no.refusal)
 
-    def _build(self, search: GaitSearch, node: Node) -> Plan:
+    def _build(self, search: GaitSearch, node: GaitNode) -> Plan:
         steps = search.steps(node)
         first: list[Placement | None] = [None] * len(self.hand.fingers)
         for placement in steps[0].contacts:
@@ -313,68 +312,3 @@ class _Planning:
         if self.costs:
             search.seek_cheaper(min(self.costs), self.improvement.weights)
         return search
-
-    # -- start -----------------------------------------------------------------------------------------------------------
-
-    def _contact(self, table: ContactTable, finger: int) -> Held | None:
-        assert self.start is not None
-        given = self.start[finger]
-        assert given is not None
-        if isinstance(given, Placement):
-            # It stands on the branch on which it landed: on its way it has turned nothing over.
-            X_WF = self.goal.X_WO_start @ given.X_OF
-            return table.start_at(
-                finger, X_WF, solve_standing(self.hand.fingers[finger].chain, X_WF, given.q)
-            )
-        if given.shape == (4, 4):
-            return table.start_at(finger, self.goal.X_WO_start @ given)
-        return table.start_along(finger, given)
-
-    def _find_held(self, table: ContactTable) -> tuple[Held, ...]:
-        """Return the start contacts on the first leg of a route; none where one of them is out of reach."""
-        assert self.start is not None
-        fingers = [i for i, given in enumerate(self.start) if given is not None]
-        held = [self._contact(table, i) for i in fingers]
-        return tuple(h for h in held if h is not None) if all(held) else ()
-
-    def _begin_first(self, search: GaitSearch) -> Plan | None:
-        """Begin the first route, or return the refusal of the start."""
-        table = search.tables[0]
-        if self.start is None:
-            return None if search.begin_anywhere() else self._begin_off_the_orbits(search)
-        held: list[Held] = []
-        for finger, given in enumerate(self.start):
-            if given is None:
-                continue
-            contact = self._contact(table, finger)
-            if contact is None:
-                return self._refuse(refuse_start_contact(self.hand, self.goal.X_WO_start, finger, given))
-            if not table.allows(table.normal(contact), 0):
-                name = self.hand.fingers[finger].name
-                words = f"the start contact of {name} lies outside object.allowed_regions"
-                cure = Cure('move it inside, or set start.contacts_deg = "auto"')
-                refusal = Refusal(RefusalKind.NOT_ALLOWED, (name,), cure=cure, words=words)
-                return self._refuse(No(Status.START_NOT_ALLOWED, f"{words}; {cure}", refusal))
-            held.append(contact)
-        placed = {h.finger: table.placement(h, 0) for h in held}
-        self.contacts = tuple(placed.get(k) for k in range(len(self.hand.fingers)))
-        if refused := refuse_start_grasp(table, tuple(held), search.judge_start(tuple(held))):
-            return self._refuse(refused)
-        search.begin(tuple(held))
-        return None
-
-    def _begin_off_the_orbits(self, search: GaitSearch) -> Plan | None:
-        """Begin with a pair of a finer grid where none of the orbits' holds, or return the refusal that says why none does."""
-        if refusal := refuse_unreachable(search.tables[0]):
-            return self._refuse(No(Status.START_UNREACHABLE, f"{refusal}; {refusal.cure}", refusal))
-        survey = PairSurvey(self.hand, self.goal.X_WO_start, self._admissibility)
-        found = survey.find_pair()
-        if found is None:
-            refusal = survey.explain()
-            reason = f"no two fingers can hold the object: {spell_no_pair(refusal)}"
-            return self._refuse(No(Status.NO_FORCE_CLOSURE_PAIR, reason, refusal))
-        i, j, v, w = found
-        held = [search.tables[0].start_along(f, survey.get_normal(k)) for f, k in ((i, v), (j, w))]
-        if all(held):
-            search.begin(tuple(h for h in held if h is not None))
-        return None

@@ -17,7 +17,7 @@ import numpy as np
 
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.contacts import ContactTable
+from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.gait.escape import LONGEST_TURN_COST, MOST_PLACES_COUNTED, count_room_at, find_places
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.rolling.roll_gait import STEP, build_roll, end_placement, follow_roll, judge_ways

@@ -88,6 +88,13 @@ class PairSurvey:
                 return found
         return None
 
+    def leave_out(self, condition: Condition) -> PairSurvey:
+        """Return the survey of the same pose without one condition; what is near to what is kept where that is the same."""
+        other = PairSurvey(self.hand, self.X_WO, self.admissibility, condition)
+        if condition in (Condition.ALLOWED, Condition.FRICTION, Condition.WEIGHT):
+            other._nearest = self._nearest
+        return other
+
     def get_normal(self, direction: int) -> Array:
         """Return the outward normal (3,) in W along a direction of the grid."""
         return self._normals[direction]
@@ -234,50 +241,47 @@ class PairSurvey:
         self.refusals.add(OVERLOAD)
         return True
 
-    # -- why none does ---------------------------------------------------------------------------------------------------
-
-    def explain(self) -> Refusal:
-        """Return what stands in the way of any pair, once :meth:`find_pair` has found none.
-
-        Its cure is checked where pairs hold once that is done; there is none where no pair is within reach.
-        """
-        helping = [condition for condition in Condition if self._is_what_is_short(condition)]
-        common = self.refusals.list_common()
-        if helping:
-            named = [refusal for refusal in common if find_unmet(refusal) in helping]
-            refusal = named[0] if named else helping[0].explain(self.hand)
-            return replace(refusal, cure=Cure(", or ".join(helping), is_checked=True))
-        if not common:
-            return OUT_OF_REACH
-        unmet = find_unmet(common[0])
-        if unmet is None:
-            return common[0]
-        return replace(common[0], cure=Cure(f"more than one thing stands in the way: {unmet}, to begin with"))
-
-    def _is_what_is_short(self, condition: Condition) -> bool:
-        """Return whether pairs hold once a condition is left out."""
-        met = {find_unmet(refusal) for refusal in self.refusals.list_common()}
-        if condition is Condition.ALLOWED:
-            is_asked = bool(self.hand.object.allowed_regions)
-        elif condition in (Condition.JOINTS, Condition.FRICTION):
-            is_asked = True
-        elif condition is Condition.WEIGHT:
-            is_asked = Condition.FRICTION in met
-        else:
-            is_asked = condition in met and condition not in (Condition.POSTURE, Condition.ORDER)
-        if not is_asked:
-            return False
-        other = PairSurvey(self.hand, self.X_WO, self.admissibility, condition)
-        if condition in (Condition.ALLOWED, Condition.FRICTION, Condition.WEIGHT):
-            other._nearest = self._nearest
-        return other.find_pair() is not None
-
 
 def find_nearest_at_home(
     hand: HandModel, X_WO: Array, finger: int, left_out: tuple[int, ...] = ()
 ) -> Nearness:
     """Return what is nearest to what while a free finger waits at home, wherever the other fingers are."""
     return hand.probe.find_nearest(hand.q_home, X_WO, (), (*list_others(hand, finger), *left_out))
+
+
+def explain_no_pair(survey: PairSurvey) -> Refusal:
+    """Return what stands in the way of any pair, once ``survey`` has found none.
+
+    Its cure is checked where pairs hold once that is done; there is none where no pair is within reach.
+    """
+    helping = [condition for condition in Condition if _is_what_is_short(survey, condition)]
+    common = survey.refusals.list_common()
+    if helping:
+        named = [refusal for refusal in common if find_unmet(refusal) in helping]
+        refusal = named[0] if named else helping[0].explain(survey.hand)
+        return replace(refusal, cure=Cure(", or ".join(helping), is_checked=True))
+    if not common:
+        return OUT_OF_REACH
+    unmet = find_unmet(common[0])
+    if unmet is None:
+        return common[0]
+    return replace(common[0], cure=Cure(f"more than one thing stands in the way: {unmet}, to begin with"))
+
+
+def _is_what_is_short(survey: PairSurvey, condition: Condition) -> bool:
+    """Return whether pairs hold once a condition is left out."""
+    met = {find_unmet(refusal) for refusal in survey.refusals.list_common()}
+    if condition is Condition.ALLOWED:
+        is_asked = bool(survey.hand.object.allowed_regions)
+    elif condition in (Condition.JOINTS, Condition.FRICTION):
+        is_asked = True
+    elif condition is Condition.WEIGHT:
+        is_asked = Condition.FRICTION in met
+    else:
+        is_asked = condition in met and condition not in (Condition.POSTURE, Condition.ORDER)
+    if not is_asked:
+        return False
+    return survey.leave_out(condition).find_pair() is not None
 
 
 def refuse_every_pair(hand: HandModel, X_WO: Array, admissibility: Admissibility) -> Refusal | None:
@@ -294,7 +298,7 @@ def refuse_every_pair(hand: HandModel, X_WO: Array, admissibility: Admissibility
         cure = Cure(Condition.STANDING.value)
         return replace(refuse_nearness(alone, gap), cure=cure, words=words)
     survey = PairSurvey(hand, X_WO, admissibility)
-    return None if survey.find_pair() is not None else survey.explain()
+    return None if survey.find_pair() is not None else explain_no_pair(survey)
 
 
 def spell_no_pair(refusal: Refusal) -> str:

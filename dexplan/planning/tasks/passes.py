@@ -45,6 +45,35 @@ PASSES: Passes = tuple(
 that a gait does not come to must not use up the work of those that it would come to at once."""
 
 
+@dataclass(frozen=True, eq=False)
+class GraspWay:
+    """One way to goal contacts: the object goes through ``before``, the goal grasp is made, and carries it through ``after``.
+
+    ``is_attitude``: any way to the end of ``before`` will do.  ``is_simultaneous``: goal contacts may be taken on the way.
+    """
+
+    before: ObjectMotion
+    after: ObjectMotion
+    is_attitude: bool = True
+    is_simultaneous: bool = False
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """How much may be tried with a way.
+
+    Nothing is begun after so much ``work`` in all; what costs as much as ``cost`` for sure is left out.  ``part`` says which
+    share of the way is left to the search and how much is tried; None: all shares, one after another.
+    """
+
+    work: float = np.inf
+    part: Pass | None = None
+    cost: float = np.inf
+
+
+UNLIMITED = Allowance()
+
+
 class Stop(IntEnum):
     """Where a way to the goal ends, the farthest first."""
 

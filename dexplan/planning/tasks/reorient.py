@@ -11,8 +11,8 @@ import numpy as np
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.grasp.margin import solve_bounded_margin
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.planning.regrasp.still import build_landings
-from dexplan.planning.tasks.stages import Stages
+from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.tasks.grasp_task import GraspTask
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal
@@ -64,23 +64,23 @@ class Turns:
     ``fault`` says what was wrong with the first after which the goal grasp does not hold, ``refused`` how many such were asked.
     """
 
-    stages: Stages
+    task: GraspTask
     reachable: list[Turn] = field(init=False)
     fault: Refusal | None = None
     refused: int = 0
 
     def __post_init__(self) -> None:
-        self.reachable = sorted(_find_reachable(self.stages), key=lambda turn: turn.cost)
+        self.reachable = sorted(_find_reachable(self.task), key=lambda turn: turn.cost)
 
     @property
     def missing(self) -> tuple[str, ...]:
         """The fingers that reach their goal contact in no attitude at all, where there are such."""
-        stages, names = self.stages, []
-        for finger, normal in enumerate(stages.goal):
+        task, names = self.task, []
+        for finger, normal in enumerate(task.goal):
             if normal is not None:
-                alone = tuple(n if f == finger else None for f, n in enumerate(stages.goal))
-                if not any(_find_reachable(stages, alone)):
-                    names.append(stages.hand.fingers[finger].name)
+                alone = tuple(n if f == finger else None for f, n in enumerate(task.goal))
+                if not any(_find_reachable(task, alone)):
+                    names.append(task.hand.fingers[finger].name)
         return tuple(names)
 
     def choose(self, may_end: Callable[[Array, Contacts], bool] | None = None) -> Iterator[Turn]:
@@ -88,16 +88,16 @@ class Turns:
 
         ``may_end`` says whether a pose (4, 4) with the goal contacts there is one that is asked for; all are where it is None.
         """
-        stages, chosen, asked = self.stages, list[Array](), set[int]()
+        task, chosen, asked = self.task, list[Array](), set[int]()
         for apart in APART:
             for k, turn in enumerate(self.reachable):
                 R = rotate_about(turn.axis_W, turn.angle)
                 if k in asked or any(_measure_between(R, other) < apart for other in chosen):
                     continue
                 asked.add(k)
-                X_WO = ObjectMotion(stages.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
-                contacts, _ = stages.land_goal(X_WO)
-                if refusal := stages.refuse_goal(X_WO, contacts):
+                X_WO = ObjectMotion(task.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
+                contacts, _ = task.land_goal(X_WO)
+                if refusal := task.refuse_goal(X_WO, contacts):
                     self.fault = self.fault or refusal
                     self.refused += 1
                 elif may_end is None or may_end(X_WO, contacts):
@@ -111,9 +111,9 @@ class Turns:
                 R = rotate_about(turn.axis_W, turn.angle)
                 if any(_measure_between(R, other) < APART[-1] for other in chosen):
                     continue
-                X_WO = ObjectMotion(stages.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
-                contacts, missing = stages.land_goal(X_WO)
-                if missing or stages.refuse_goal(X_WO, contacts):
+                X_WO = ObjectMotion(task.X_WO, turn.axis_W, turn.angle, np.zeros(3)).X_WO_end
+                contacts, missing = task.land_goal(X_WO)
+                if missing or task.refuse_goal(X_WO, contacts):
                     self.refused += 1
                 elif may_end is None or may_end(X_WO, contacts):
                     chosen.append(R)
@@ -124,12 +124,12 @@ class Turns:
 
         Contacts that hardly carry the object may do so in a few attitudes only: those in which its weight presses it into them.
         """
-        grasp, surface = [], self.stages.hand.object.surface
-        for finger, normal in enumerate(self.stages.goal):
+        grasp, surface = [], self.task.hand.object.surface
+        for finger, normal in enumerate(self.task.goal):
             if normal is not None:
-                friction = self.stages.hand.friction.scaled(self.stages.hand.limits.cone_share)
+                friction = self.task.hand.friction.scaled(self.task.hand.limits.cone_share)
                 grasp.append(Contact(finger, surface.radial(normal), build_frame(-normal), friction))
-        margin = partial(_measure_load, self.stages, Grasp(tuple(grasp)))
+        margin = partial(_measure_load, self.task, Grasp(tuple(grasp)))
         some = self.reachable[:: 1 + len(self.reachable) // MEASURED]
         begun = [rotate_about(turn.axis_W, turn.angle) for turn in some]
         best = sorted(((margin(R), k) for k, R in enumerate(begun)), key=lambda row: (-row[0], row[1]))
@@ -152,7 +152,7 @@ class Turns:
             while True:
                 # Turns about the vertical leave the load as it is.
                 near = np.stack([rotate_about(axis, step) @ R for axis in (*np.eye(3)[:2], *-np.eye(3)[:2])])
-                reached = np.isfinite(_measure_away(self.stages, near, self.stages.goal))
+                reached = np.isfinite(_measure_away(self.task, near, self.task.goal))
                 values = [margin(other) if ok else -np.inf for other, ok in zip(near, reached, strict=True)]
                 if max(values) <= value + 1e-9:
                     break
@@ -160,27 +160,27 @@ class Turns:
         return value, R
 
 
-def _measure_load(stages: Stages, grasp: Grasp, R: Array) -> float:
+def _measure_load(task: GraspTask, grasp: Grasp, R: Array) -> float:
     """Return the margin with which the goal contacts carry the object turned by ``R`` (3, 3)."""
-    hand = stages.hand
-    up = (R @ stages.X_WO[:3, :3]).T @ [0.0, 0.0, hand.object.mass * GRAVITY]
+    hand = task.hand
+    up = (R @ task.X_WO[:3, :3]).T @ [0.0, 0.0, hand.object.mass * GRAVITY]
     wrench = np.concatenate([up, np.zeros(3)])
     return solve_bounded_margin(grasp, wrench, hand.limits.normal_floor, hand.limits.normal_ceiling)
 
 
-def _find_reachable(stages: Stages, goal: tuple[Array | None, ...] | None = None) -> Iterator[Turn]:
-    """Yield the turns that bring all contacts of ``goal`` (by default the stages') within reach."""
+def _find_reachable(task: GraspTask, goal: tuple[Array | None, ...] | None = None) -> Iterator[Turn]:
+    """Yield the turns that bring all contacts of ``goal`` (by default the task's) within reach."""
     axes = spread_directions(AXES)
     for angle in np.arange(TURN_STEP, np.pi + 1e-9, TURN_STEP):
         turns = np.stack([rotate_about(axis, float(angle)) for axis in axes])
-        away = _measure_away(stages, turns, stages.goal if goal is None else goal)
+        away = _measure_away(task, turns, task.goal if goal is None else goal)
         for k in np.flatnonzero(np.isfinite(away)):
             yield Turn(axes[k], float(angle), float(away[k]))
 
 
-def _measure_away(stages: Stages, turns: Array, goal: tuple[Array | None, ...]) -> Array:
+def _measure_away(task: GraspTask, turns: Array, goal: tuple[Array | None, ...]) -> Array:
     """Return how far (N,) [rad] a finger is from home at most after ``turns`` (N, 3, 3) of the object; inf out of reach."""
-    hand, R_WO = stages.hand, stages.X_WO[:3, :3]
+    hand, R_WO = task.hand, task.X_WO[:3, :3]
     away = np.zeros(len(turns))
     for finger, normal in enumerate(goal):
         rows = np.flatnonzero(np.isfinite(away))
@@ -188,8 +188,8 @@ def _measure_away(stages: Stages, turns: Array, goal: tuple[Array | None, ...]) 
             continue
         # A ball looks the same from every side: turning the object is turning the contact on an object that stands still.
         normals_W = turns[rows] @ (R_WO @ normal)
-        landed = build_landings(hand, stages.X_WO, finger, normals_W @ R_WO)
-        home = hand.p_WF_home[finger] - stages.X_WO[:3, 3]
+        landed = build_landings(hand, task.X_WO, finger, normals_W @ R_WO)
+        home = hand.p_WF_home[finger] - task.X_WO[:3, 3]
         angles = np.arccos(np.clip(normals_W @ home / np.linalg.norm(home), -1.0, 1.0))
         reached = np.array([placement is not None for placement in landed])
         away[rows] = np.where(reached, np.maximum(away[rows], angles), np.inf)

@@ -10,16 +10,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
-from typing import Literal
 
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.gait.cost import Improvement
 from dexplan.planning.rolling.roll_gait import RollPlan, RollToPair, build_roll_actions
+from dexplan.planning.search.cost import Improvement
+from dexplan.planning.search.options import Primitive
 from dexplan.planning.tasks.ends import Beginning
-from dexplan.planning.tasks.object_manipulation import FIRST, Start, plan_rotation
+from dexplan.planning.tasks.object_manipulation import FIRST, plan_rotation
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
+from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import rest_at
@@ -42,7 +43,7 @@ def plan_object_manipulation(
     goal: RotationGoal,
     start: Start,
     node_budget: int,
-    primitives: tuple[Literal["substitution", "rewind"], ...] = ("substitution",),
+    primitives: tuple[Primitive, ...] = ("substitution",),
     improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan that takes the object to ``goal``; arguments as in :func:`plan_rotation`."""

@@ -10,8 +10,8 @@ from dexplan.errors import spell_apart
 from dexplan.planning.admissible.admissibility import Margins
 from dexplan.planning.admissible.conditions import Condition, find_unmet
 from dexplan.planning.admissible.separation import compute_pair_angle_max
-from dexplan.planning.gait.contacts import ContactTable
-from dexplan.planning.gait.held import Held
+from dexplan.planning.contacts.contact_table import ContactTable
+from dexplan.planning.contacts.held import Held
 from dexplan.planning.gait.search import CURE
 from dexplan.planning.tasks.no import No
 from dexplan.plans.refusal import Cure, Refusal, RefusalKind

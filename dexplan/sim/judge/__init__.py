@@ -23,6 +23,7 @@ __all__ = [
     "groups",
     "limits",
     "replay",
+    "true_world",
     "validate",
     "world",
 ]

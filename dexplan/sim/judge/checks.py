@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dexplan.sim.judge.checks_case import Case, CheckResult, fail, find_runs, judge, judge_count, judge_worst
+from dexplan.sim.judge.checks_case import (
+    Case,
+    CheckResult,
+    Series,
+    fail,
+    find_runs,
+    judge,
+    judge_count,
+    judge_worst,
+)
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 
 MM = 1e3
@@ -26,7 +35,7 @@ def check_replay_matches(case: Case) -> CheckResult:
     if recorded is None:
         return fail(name, "–", "the record has no qpos of the replay's shape", limit)
     difference = np.abs(recorded - case.replay.qpos).max(axis=1)
-    result = judge_worst(name, difference, case.replay.time, limit, "–")
+    result = judge_worst(name, Series(difference, case.replay.time), limit, "–")
     if not case.differences or result.value is None:
         return result
     note = f"recorded elsewhere ({'; '.join(case.differences)}): largest difference {result.value:.3g}"
@@ -114,14 +123,14 @@ def check_reference_position(case: Case) -> CheckResult:
     """The reference visits the plan's poses and rests where the plan does: positions."""
     miss, where = _reference_misses(case)
     limit = case.limit("reference_position_error_max_mm")
-    return judge_worst("reference_position_error_max", miss[:, 0] * MM, where, limit, "mm")
+    return judge_worst("reference_position_error_max", Series(miss[:, 0] * MM, where), limit, "mm")
 
 
 def check_reference_rotation(case: Case) -> CheckResult:
     """The same for rotations, the turn within each action included."""
     miss, where = _reference_misses(case)
     limit = case.limit("reference_rotation_error_max_deg")
-    return judge_worst("reference_rotation_error_max", np.degrees(miss[:, 1]), where, limit, "deg")
+    return judge_worst("reference_rotation_error_max", Series(np.degrees(miss[:, 1]), where), limit, "deg")
 
 
 def check_reference_speed(case: Case) -> CheckResult:
@@ -131,20 +140,20 @@ def check_reference_speed(case: Case) -> CheckResult:
     if case.sample_count < 2:
         return judge(name, 0.0 if _is_finite(case.reference) else np.nan, limit, "deg/s")
     step = np.degrees(_angle_between(case.reference[1:], case.reference[:-1]))
-    return judge_worst(name, step / case.sample_time, case.replay.time[1:], limit, "deg/s")
+    return judge_worst(name, Series(step / case.sample_time, case.replay.time[1:]), limit, "deg/s")
 
 
 def check_not_dropped(case: Case) -> CheckResult:
     """The object's centre stays near its reference height."""
     fallen = (case.reference[:, 2] - case.replay.object_pose[:, 2]) * MM
-    return judge_worst("not_dropped", fallen, case.replay.time, case.limit("not_dropped_mm"), "mm")
+    return judge_worst("not_dropped", Series(fallen, case.replay.time), case.limit("not_dropped_mm"), "mm")
 
 
 def check_position_error_max(case: Case) -> CheckResult:
     """Distance of the object's centre from its reference, whole run."""
     miss = np.linalg.norm(case.replay.object_pose[:, :3] - case.reference[:, :3], axis=1) * MM
     return judge_worst(
-        "position_error_max", miss, case.replay.time, case.limit("position_error_max_mm"), "mm"
+        "position_error_max", Series(miss, case.replay.time), case.limit("position_error_max_mm"), "mm"
     )
 
 
@@ -152,7 +161,7 @@ def check_rotation_error_max(case: Case) -> CheckResult:
     """Angle between the object and its reference, whole run."""
     miss = np.degrees(_angle_between(case.replay.object_pose, case.reference))
     return judge_worst(
-        "rotation_error_max", miss, case.replay.time, case.limit("rotation_error_max_deg"), "deg"
+        "rotation_error_max", Series(miss, case.replay.time), case.limit("rotation_error_max_deg"), "deg"
     )
 
 
@@ -160,14 +169,14 @@ def check_position_error_final(case: Case) -> CheckResult:
     """Distance of the object's centre from the problem's goal at the end."""
     miss = np.linalg.norm(case.replay.object_pose[-1:, :3] - compute_goal_pose(case)[:3], axis=1) * MM
     limit = case.limit("position_error_final_mm")
-    return judge_worst("position_error_final", miss, case.replay.time[-1:], limit, "mm")
+    return judge_worst("position_error_final", Series(miss, case.replay.time[-1:]), limit, "mm")
 
 
 def check_rotation_error_final(case: Case) -> CheckResult:
     """Angle between the object and the problem's goal at the end."""
     miss = np.degrees(_angle_between(case.replay.object_pose[-1:], compute_goal_pose(case)[None]))
     limit = case.limit("rotation_error_final_deg")
-    return judge_worst("rotation_error_final", miss, case.replay.time[-1:], limit, "deg")
+    return judge_worst("rotation_error_final", Series(miss, case.replay.time[-1:]), limit, "deg")
 
 
 def check_turned_angle(case: Case) -> CheckResult:

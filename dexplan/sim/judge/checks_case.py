@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from dexplan.brief import brief_repr
 from dexplan.sim.judge.replay import Replay
 from dexplan.sim.judge.world import Flags, Indices
-from dexplan.spatial import Array
+from dexplan.spatial import Array, lock_arrays
 
-Status = Literal["pass", "fail", "not_applicable"]
+Status = Literal["pass", "fail", "not_applicable", "not_recorded"]
+"""What a check says; "not_recorded" where it asks for what a run of this controller does not have: no failure, and no pass."""
 UNKNOWN, MUST_NOT, MAY, MUST = -1, 0, 1, 2
 """What the plan asks of one finger at one sample; unknown where the claimed action or phase does not exist.
 """
@@ -46,6 +47,9 @@ class CheckResult:
 class Case:
     """What is judged: ``columns`` are the record's, ``replay`` what the validator's own stepping gave (T
     samples).
+
+    ``problem`` has the world's parameters as they are true, ``believed`` as planner and controller were told (None: as they are).
+    ``controller`` names the one that the run was made with, None for dexplan's own.
     """
 
     problem: Mapping[str, Any]
@@ -58,6 +62,8 @@ class Case:
     """In what the machine that recorded the run differs from this one; none: a replay has to match to the last bit."""
     contradictions: tuple[str, ...] = ()
     """What the files that this was read from say against each other."""
+    believed: Mapping[str, Any] | None = None
+    controller: str | None = None
 
     __repr__ = brief_repr
 
@@ -71,6 +77,13 @@ class Case:
         if array is None or array.shape != (self.sample_count, *shape) or array.dtype.kind not in "bfiu":
             return None
         return np.asarray(array, dtype=np.float64)
+
+    @cached_property
+    def believed_friction(self) -> tuple[float, float]:
+        """Sliding and torsional [m] friction that planner and controller count on."""
+        friction = (self.problem if self.believed is None else self.believed)["friction"]
+        safety = friction["safety"]
+        return friction["sliding"] / safety, friction["torsional_m"] / safety
 
     @property
     def sample_count(self) -> int:
@@ -215,21 +228,26 @@ def judge(
     return CheckResult(name, "pass" if is_good else "fail", float(value), float(limit), unit, moment, note)
 
 
+@dataclass(frozen=True, eq=False)
+class Series:
+    """What is judged: ``values`` (N,) or (N, K) at ``times`` (N,) [s]; ``labels`` (K,) name the columns."""
+
+    values: Array
+    times: Array
+    labels: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
+
 def judge_worst(
-    name: str,
-    values: Array,
-    times: Array,
-    limit: float,
-    unit: str,
-    note: str = "",
-    *,
-    at_least: bool = False,
-    labels: tuple[str, ...] = (),
+    name: str, series: Series, limit: float, unit: str, note: str = "", *, at_least: bool = False
 ) -> CheckResult:
-    """Judge the worst of ``values`` (N,) or (N, K) at ``times`` (N,); ``labels`` (K,) name the columns.
+    """Judge the worst value of ``series``.
 
     A NaN is the worst of all; nothing to judge is a failure.
     """
+    values, times, labels = series.values, series.times, series.labels
     if values.size == 0:
         return fail(name, unit, note or "there is nothing to measure", limit)
     order = np.where(np.isnan(values), np.inf, -values if at_least else values)

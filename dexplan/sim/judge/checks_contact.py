@@ -12,6 +12,7 @@ from dexplan.sim.judge.checks_case import (
     UNKNOWN,
     Case,
     CheckResult,
+    Series,
     close_gaps,
     fail,
     find_runs,
@@ -97,7 +98,7 @@ def check_contact_region(case: Case) -> CheckResult:
         angle = np.degrees(np.arccos(np.clip(unit @ axis, -1.0, 1.0)))
         outside = np.minimum(outside, np.maximum(0.0, angle - cone["half_angle_deg"]))
     outside = np.where(case.replay.contact_active, outside, 0.0)
-    return judge_worst(name, outside, case.replay.time, limit, "deg", labels=case.replay.world.fingers)
+    return judge_worst(name, Series(outside, case.replay.time, case.replay.world.fingers), limit, "deg")
 
 
 def check_object_support_other(case: Case) -> CheckResult:
@@ -131,7 +132,7 @@ def check_free_finger_clearance(case: Case) -> CheckResult:
         # Nobody measured that distance: it is where looking ends.
         note = f"at least {sight:g} mm: nothing came so near, and distances beyond are not measured"
         return judge(name, sight, limit, "mm", None, note, at_least=True)
-    return judge_worst(name, flat, replay.time[samples], limit, "mm", note, at_least=True, labels=labels)
+    return judge_worst(name, Series(flat, replay.time[samples], labels), limit, "mm", note, at_least=True)
 
 
 def check_coulomb_slip_max(case: Case) -> CheckResult:
@@ -204,7 +205,9 @@ def check_creep_rate_max(case: Case) -> CheckResult:
         if rows[kind]:
             values, times = np.array(rows[kind]).T
             worst = values.max() if not np.isnan(values).any() else np.nan
-            parts.append(judge_worst(name, values, times, factor * limit, "µm/s", f"{word} {worst:.2f}"))
+            parts.append(
+                judge_worst(name, Series(values, times), factor * limit, "µm/s", f"{word} {worst:.2f}")
+            )
     if not parts:
         return fail(name, "µm/s", "no contact is quiet for as long as the window")
     return judge_all(name, parts)
@@ -277,7 +280,7 @@ def check_penetration_max(case: Case) -> CheckResult:
     """Depth of the tips in the object."""
     depth = np.where(case.replay.contact_active, case.replay.penetration, 0.0) * UM
     limit, fingers = case.limit("penetration_max_um"), case.replay.world.fingers
-    return judge_worst("penetration_max", depth, case.replay.time, limit, "µm", labels=fingers)
+    return judge_worst("penetration_max", Series(depth, case.replay.time, fingers), limit, "µm")
 
 
 def check_tip_contact_angle_max(case: Case) -> CheckResult:
@@ -285,4 +288,4 @@ def check_tip_contact_angle_max(case: Case) -> CheckResult:
     angle = np.degrees(np.where(case.replay.contact_active, case.replay.tip_contact_angle, 0.0))
     limit = float(case.problem["hand"]["tip_polar_limit_deg"]) + case.limit("tip_contact_angle_slack_deg")
     fingers = case.replay.world.fingers
-    return judge_worst("tip_contact_angle_max", angle, case.replay.time, limit, "deg", labels=fingers)
+    return judge_worst("tip_contact_angle_max", Series(angle, case.replay.time, fingers), limit, "deg")

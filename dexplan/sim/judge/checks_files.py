@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from dexplan.sim.judge.checks import as_direction, compute_goal_pose
 from dexplan.sim.judge.checks_case import Case, CheckResult, judge
+from dexplan.sim.judge.groups import OWN_COLUMNS
 from dexplan.spatial import Array
 
 SAME_POSITION, SAME_ANGLE = 1e-6, 1e-5
@@ -36,6 +37,9 @@ def find_contradictions(case: Case) -> Iterator[str]:
         yield f"the plan's status is {plan['status']}, which leaves nothing to run"
     if not plan["actions"]:
         yield "the plan has no actions"
+    own = [name for name in OWN_COLUMNS if name in case.columns]
+    if case.controller is not None and own:
+        yield f"the record names {case.controller} and holds {', '.join(own)}, which only dexplan's own controller writes"
     fingers = case.replay.world.fingers
     if tuple(plan["fingers"]) != fingers:
         yield f"the plan moves {', '.join(plan['fingers'])}, the model has {', '.join(fingers)}"

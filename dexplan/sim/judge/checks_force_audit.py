@@ -11,7 +11,7 @@ from dexplan.sim.judge.checks_case import Case, CheckResult, fail, find_runs, ju
 from dexplan.sim.judge.force_audit import ForceAudit
 from dexplan.sim.judge.force_audit_questions import QuestionBuilder
 from dexplan.sim.judge.force_audit_values import FEASIBLE, INFEASIBLE, UNDECIDED, ForceAnswer, ForceQuestion
-from dexplan.sim.judge.world import Indices
+from dexplan.sim.judge.world import Flags, Indices
 
 NAME = "force_qp_feasible"
 FACTOR_PRECISION = 0.005
@@ -43,11 +43,16 @@ class FrictionNeed(NamedTuple):
 
 
 def check_force_qp_feasible(case: Case) -> CheckResult:
-    """Audited instants without forces for what the object should get, and quiet ticks whose QP failed."""
+    """Audited instants without forces for what the object should get, and quiet ticks whose QP failed.
+
+    Of another controller's run the audit alone is judged: such a controller need not solve anything.
+    """
     limit = case.limit(NAME)
-    status, residual = case.column("qp_status"), case.column("qp_wrench_residual")
-    if status is None or residual is None:
-        return fail(NAME, "count", "the record has no qp_status or qp_wrench_residual", limit)
+    unsolved = None
+    if case.controller is None:
+        unsolved = _read_answers(case)
+        if unsolved is None:
+            return fail(NAME, "count", "the record has no qp_status or qp_wrench_residual", limit)
     ceiling = read_ceiling(case)
     if ceiling is None:
         return fail(NAME, "count", "the plan's normal_ceiling_N is no force above 0", limit)
@@ -56,22 +61,38 @@ def check_force_qp_feasible(case: Case) -> CheckResult:
         return fail(NAME, "count", "there is no sample to audit", limit)
     audit = ForceAudit()
     audited = audit_samples(case, audit, samples, ceiling)
+    peaks = [a for sample in find_peaks(case)[:PEAK_COUNT] for a in audited if a.sample == sample]
+    said = _describe(audit, audited, peaks or audited[:1])
+    note = said if unsolved is None else f"{said}; {unsolved.note}"
+    undecided = [a for a in audited if a.answer.verdict == UNDECIDED]
+    if 100 * len(undecided) > case.limit("force_audit_undecided_pct") * len(audited):
+        return fail(NAME, "count", note, limit, undecided[0].time)
+    failed = () if unsolved is None else np.flatnonzero(unsolved.ticks).tolist()
+    bad = [*failed, *(a.sample for a in audited if a.answer.verdict == INFEASIBLE)]
+    return judge(
+        NAME, float(len(bad)), limit, "count", float(case.replay.time[min(bad)]) if bad else None, note
+    )
+
+
+class Unsolved(NamedTuple):
+    """Which ``ticks`` (T,) had no answer to the controller's own QP, and a ``note`` on how well the others were met."""
+
+    ticks: Flags
+    note: str
+
+
+def _read_answers(case: Case) -> Unsolved | None:
+    """Return what the record says of the QP at each tick; None where it says nothing."""
+    status, residual = case.column("qp_status"), case.column("qp_wrench_residual")
+    if status is None or residual is None:
+        return None
     share = 100 * residual / case.weight
     unsolved = (status != case.limit("force_qp_solved_status")) | ~(
         share <= case.limit("force_qp_residual_pct")
     )
     # Numbers that are missing must not hide behind a run without quiet samples.
     unsolved = (unsolved & case.quiet) | np.isnan(status) | np.isnan(residual)
-    peaks = [a for sample in find_peaks(case)[:PEAK_COUNT] for a in audited if a.sample == sample]
-    said = _describe(audit, audited, peaks or audited[:1])
-    note = f"{said}; largest quiet residual {np.max(share[case.quiet], initial=0.0):.2f} %"
-    undecided = [a for a in audited if a.answer.verdict == UNDECIDED]
-    if 100 * len(undecided) > case.limit("force_audit_undecided_pct") * len(audited):
-        return fail(NAME, "count", note, limit, undecided[0].time)
-    bad = [*np.flatnonzero(unsolved).tolist(), *(a.sample for a in audited if a.answer.verdict == INFEASIBLE)]
-    return judge(
-        NAME, float(len(bad)), limit, "count", float(case.replay.time[min(bad)]) if bad else None, note
-    )
+    return Unsolved(unsolved, f"largest quiet residual {np.max(share[case.quiet], initial=0.0):.2f} %")
 
 
 def read_ceiling(case: Case) -> float | None:

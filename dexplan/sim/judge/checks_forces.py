@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from dexplan.sim.judge.checks_case import (
     Case,
     CheckResult,
+    Series,
     compute_utilisation,
     fail,
     judge,
@@ -32,7 +33,7 @@ def check_friction_utilisation_max(case: Case) -> CheckResult:
     if not case.settled.any():
         return fail(name, "–", "no finger touches at a quiet sample", limit)
     used = np.where(case.settled, case.utilisation, 0.0)
-    return judge_worst(name, used, case.replay.time, limit, "–", labels=case.replay.world.fingers)
+    return judge_worst(name, Series(used, case.replay.time, case.replay.world.fingers), limit, "–")
 
 
 def check_force_prediction_error(case: Case) -> CheckResult:
@@ -62,23 +63,18 @@ def check_force_prediction_error(case: Case) -> CheckResult:
 
 def check_force_cone_margin_min(case: Case) -> CheckResult:
     """Planned forces inside the exact believed cone, torsion included: 1 - utilisation, smallest."""
-    name, limit, friction = (
-        "force_cone_margin_min",
-        case.limit("force_cone_margin_min"),
-        case.problem["friction"],
-    )
+    name, limit = "force_cone_margin_min", case.limit("force_cone_margin_min")
     planned = case.column("contact_force_reference", (case.finger_count, 4))
     if planned is None:
         return fail(name, "–", "the record has no planned forces", limit)
     if not np.isfinite(planned).all(axis=-1).any():
         return fail(name, "–", "no force was ever planned", limit)
-    safety = friction["safety"]
-    used = compute_utilisation(planned, friction["sliding"] / safety, friction["torsional_m"] / safety)
+    used = compute_utilisation(planned, *case.believed_friction)
     # Rows that are all missing are fingers without a plan; a row missing in part is an error.
     used = np.where(np.isnan(planned).all(axis=-1), -np.inf, np.where(planned[..., 2] < 0, np.inf, used))
     worst = np.where(np.isnan(used), np.nan, np.clip(1.0 - used, -1.0, 1.0))
     fingers = case.replay.world.fingers
-    return judge_worst(name, worst, case.replay.time, limit, "–", at_least=True, labels=fingers)
+    return judge_worst(name, Series(worst, case.replay.time, fingers), limit, "–", at_least=True)
 
 
 def check_torque_utilisation_max(case: Case) -> CheckResult:
@@ -87,7 +83,7 @@ def check_torque_utilisation_max(case: Case) -> CheckResult:
     used = np.abs(case.replay.actuator_force) / world.torque_limit
     limit = case.limit("torque_utilisation_max")
     return judge_worst(
-        "torque_utilisation_max", used, case.replay.time, limit, "–", labels=world.actuator_names
+        "torque_utilisation_max", Series(used, case.replay.time, world.actuator_names), limit, "–"
     )
 
 
@@ -99,12 +95,10 @@ def check_joint_limit_margin_min(case: Case) -> CheckResult:
     limit = case.limit("joint_limit_margin_min_deg")
     return judge_worst(
         "joint_limit_margin_min",
-        margin,
-        case.replay.time,
+        Series(margin, case.replay.time, world.joint_names),
         limit,
         "deg",
         at_least=True,
-        labels=world.joint_names,
     )
 
 
@@ -116,7 +110,7 @@ def check_tip_tracking_error_max(case: Case) -> CheckResult:
         error = case.column("tip_tracking_error", (case.finger_count,))
     if error is None:
         return fail(name, "mm", "the record has no tip_tracking_error", limit)
-    return judge_worst(name, np.abs(error) * MM, case.replay.time, limit, "mm")
+    return judge_worst(name, Series(np.abs(error) * MM, case.replay.time), limit, "mm")
 
 
 def check_ik_at_limit(case: Case) -> CheckResult:
@@ -134,8 +128,7 @@ def check_plan_force_closure(case: Case) -> CheckResult:
     """Friction angle to spare before a planned grasp would no longer be force closed, worst grasp of the
     plan.
     """
-    friction = case.problem["friction"]
-    believed = friction["sliding"] / friction["safety"], friction["torsional_m"] / friction["safety"]
+    believed = case.believed_friction
     limit = case.limit("plan_force_closure_min_deg")
 
     def slack(points: Array, normals: Array, poses: Array) -> float:
@@ -145,11 +138,10 @@ def check_plan_force_closure(case: Case) -> CheckResult:
 
 
 def check_plan_load_margin(case: Case) -> CheckResult:
-    """Part of the believed cones left over when a planned grasp carries the weight, worst grasp and pose of
+    """Part of the believed cones left over when a planned grasp carries the true weight, worst grasp and pose of
     the plan.
     """
-    friction = case.problem["friction"]
-    believed = friction["sliding"] / friction["safety"], friction["torsional_m"] / friction["safety"]
+    believed = case.believed_friction
     # What the plan itself allows may be less: a light object is not to be entered by the tips.
     allowed = float(case.plan.get("normal_ceiling_N", np.inf))
     squeeze, limit = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -70,7 +70,7 @@ def check_roll_path_error_max(case: Case) -> CheckResult:
     if not case.sample_count or not np.isfinite(replay.object_pose).all():
         return fail(name, "deg", "a pose is not a number or there are no samples", limit)
     R_WO = Rotation.from_quat(replay.object_pose[:, 3:], scalar_first=True)
-    found: list[tuple[float, float, str]] = []
+    found: list[_RollError] = []
     for index, action in enumerate(case.plan["actions"]):
         samples = np.flatnonzero(action_index == index)
         for roll in action.get("rolls", ()):
@@ -86,8 +86,9 @@ def check_roll_path_error_max(case: Case) -> CheckResult:
         return judge(
             name, 0.0 if case.sample_count else np.nan, limit, "deg", note="the plan rolls no finger"
         )
-    worst, moment, label = max(found)
-    return judge(name, worst, limit, "deg", moment, "; ".join([label, *_find_conservative(case)]))
+    worst = max(found)
+    note = "; ".join([worst.what, *_find_conservative(case)])
+    return judge(name, worst.error_deg, limit, "deg", worst.time, note)
 
 
 def check_tip_rotation_max(case: Case) -> CheckResult:
@@ -111,25 +112,33 @@ def check_tip_rotation_max(case: Case) -> CheckResult:
         seen = np.einsum("tji,tj->ti", replay.tip_rotation[:, k], centre)
         seen /= np.linalg.norm(seen, axis=1, keepdims=True)
         for start, stop in find_runs(close_gaps(replay.contact_active[:, k], gap)):
-            for first, last, about in _find_outsets(seen[start:stop], near):
-                swept, sample = _measure_sweep(seen[start + first : start + last], about, near)
+            for part in _find_outsets(seen[start:stop], near):
+                swept, sample = _measure_sweep(seen[start + part.first : start + part.last], part.about, near)
                 if swept > worst:
-                    worst, moment = swept, float(replay.time[start + first + sample])
+                    worst, moment = swept, float(replay.time[start + part.first + sample])
                     label = replay.world.fingers[k]
     return judge(name, worst, limit, "deg", moment, label)
 
 
-def _find_outsets(seen: Array, near: float) -> list[tuple[int, int, Array]]:
-    """Return (first, last, place) per part of a contact's way on its tip (T, 3), with the place where the part set out."""
+class _Outset(NamedTuple):
+    """A part of a contact's way on its tip: samples ``first`` to ``last`` (exclusive), and the place (3,) where it set out."""
+
+    first: int
+    last: int
+    about: Array
+
+
+def _find_outsets(seen: Array, near: float) -> list[_Outset]:
+    """Return the parts of a contact's way on its tip (T, 3); one ends where the contact comes by the pole."""
     pole_angle = np.arctan2(np.linalg.norm(seen[:, :2], axis=1), seen[:, 2])
     parts, first, about = [], 0, seen[0]
     for start, stop in find_runs(pole_angle < near):
         if np.arctan2(np.linalg.norm(about[:2]), about[2]) < near:
             continue
         nearest = start + int(pole_angle[start:stop].argmin())
-        parts.append((first, nearest + 1, about))
+        parts.append(_Outset(first, nearest + 1, about))
         first, about = nearest, seen[nearest]
-    return [*parts, (first, len(seen), about)]
+    return [*parts, _Outset(first, len(seen), about)]
 
 
 def _measure_sweep(seen: Array, about: Array, near: float) -> tuple[float, int]:
@@ -172,10 +181,18 @@ def _find_conservative(case: Case) -> list[str]:
     return notes
 
 
+class _RollError(NamedTuple):
+    """An error [deg] of a rolled way, when [s], and of what.  Orders by the error."""
+
+    error_deg: float
+    time: float
+    what: str
+
+
 def _compare_roll(
     case: Case, R_WO: Rotation, k: int, samples: Indices, roll: dict[str, Any]
-) -> list[tuple[float, float, str]]:
-    """Return the largest errors [deg] of one rolled way with their times [s] and what they are."""
+) -> list[_RollError]:
+    """Return the largest errors of one rolled way."""
     replay, finger = case.replay, roll["finger"]
     points = replay.contact_point_O[samples, k]
     seen = points / np.linalg.norm(points, axis=1, keepdims=True)
@@ -191,14 +208,13 @@ def _compare_roll(
     tip = R_WO[last].inv() * Rotation.from_matrix(replay.tip_rotation[last, k])
     turn = tip * Rotation.from_quat(roll["X_OF"][-1][3:], scalar_first=True).inv()
     time = replay.time
+    turned, moment = float(np.degrees(turn.magnitude())), float(time[last])
     return [
-        (float(off.max()), float(time[samples[int(off.argmax())]]), f"{finger}, contact off its way"),
-        (end, float(time[last]), f"{finger}, contact at the end of its way"),
-        (
-            float(np.degrees(turn.magnitude())),
-            float(time[last]),
-            f"{finger}, tip attitude at the end of its way",
+        _RollError(
+            float(off.max()), float(time[samples[int(off.argmax())]]), f"{finger}, contact off its way"
         ),
+        _RollError(end, moment, f"{finger}, contact at the end of its way"),
+        _RollError(turned, moment, f"{finger}, tip attitude at the end of its way"),
     ]
 
 

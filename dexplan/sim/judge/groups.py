@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
+from typing import Any
 
 from dexplan.errors import ProblemError, UnknownNameError
 
@@ -57,6 +58,37 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Group -> its checks.  *Physics*: is it an honest simulation?  *Task*: was done what was asked for?  *Contacts*: do they hold?
 *Forces*: could they?  *Internals*: did our controller do what it meant to?"""
+
+
+OWN_GROUPS = frozenset({"internals"})
+"""Groups about what dexplan's own controller says of itself.  Runs of other controllers have no record to judge there."""
+OWN_COLUMNS = (
+    "contact_force_reference",
+    "qp_status",
+    "qp_wrench_residual",
+    "tip_tracking_error",
+    "ik_at_limit",
+)
+"""Columns that dexplan's own controller writes, and nobody else."""
+
+
+def read_controller(meta: Mapping[str, Any]) -> str | None:
+    """Return the controller that a record's meta says it was made with, None for dexplan's own.
+
+    The record's own word decides, not what columns it has: a run of dexplan's own that lacks some of them has lost them.
+    """
+    named = meta.get("controller")
+    return " ".join(named.split()) or None if isinstance(named, str) else None
+
+
+def choose_judged(asked: tuple[str, ...], controller: str | None) -> tuple[str, ...]:
+    """Return those groups ``asked`` for that can be judged of a run by ``controller``; ProblemError where none is left."""
+    judged = tuple(name for name in asked if controller is None or name not in OWN_GROUPS)
+    if not judged:
+        fact = f"nothing is recorded of {', '.join(asked)} in a run by {controller}"
+        rest = ", ".join(name for name in GROUPS if name not in OWN_GROUPS)
+        raise ProblemError("groups", "", fact, f"accepted: {rest}")
+    return judged
 
 
 def resolve_groups(groups: Iterable[str] | None) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ else touches, or a tip touches twice, is read contact by contact.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,14 +16,13 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dexplan.brief import brief_repr
+from dexplan.sim.judge.clearances import OBSTACLE_KINDS, Clearances
 from dexplan.sim.judge.world import Flags, Indices, World
 from dexplan.spatial import Array
 
 INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION
 SAMPLES = 256
 """Samples that go through MuJoCo together."""
-OBSTACLE_KINDS = ("object", "fingers", "obstacles", "floor")
-"""What a finger's clearance is measured to: the last axis of ``Replay.clearance``."""
 _FIELDS = (
     "sensordata",
     "ncon",
@@ -129,12 +127,7 @@ class Reader:
         self.clearance_samples: list[int] = []
         self.clearance: list[Array] = []
         self.finger_of_tip = {int(g): k for k, g in enumerate(world.tip_geoms)}
-        # The same world with every geom reaching out by the horizon: its collisions are distances.
-        self.wide = copy.deepcopy(model)
-        self.wide.geom_margin[:] = horizon
-        self.wide.body_margin[:] = horizon  # made from the geoms' when the model was compiled
-        self.wide_data = mujoco.MjData(self.wide)
-        self.kind_of_geom = _name_kinds(world)
+        self._clearances = Clearances(world, horizon)
         self._velocity = np.zeros((2, 6))
         self._wrench = np.zeros(6)
         self._batch, self._mirror = batch, mujoco.MjData(model)
@@ -168,7 +161,7 @@ class Reader:
         self.friction[rows][touching] = np.broadcast_to(self._known, (count, *self._known.shape))[touching]
         for t in range(first + -first % self.stride, first + count, self.stride):
             self.clearance_samples.append(t)
-            self.clearance.append(self._read_clearance(self.qpos[t]))
+            self.clearance.append(self._clearances.measure(self.qpos[t]))
 
     def _read_touches(self, rows: slice, fields: Mapping[str, Array]) -> None:
         """Take over what the contact sensors say: normal from tip to object, force on the object along normal, t1, t2."""
@@ -266,24 +259,6 @@ class Reader:
         cosine = towards @ self.tip_rotation[t, k, :, 2] / np.linalg.norm(towards)
         self.angle[t, k] = np.arccos(np.clip(cosine, -1.0, 1.0))
 
-    def _read_clearance(self, qpos: Array) -> Array:
-        """Return the smallest distances (F, 4) [m] of each finger's geoms to :data:`OBSTACLE_KINDS`, at most
-        the horizon.
-        """
-        out = np.full((len(self.world.fingers), len(OBSTACLE_KINDS)), self.horizon)
-        self.wide_data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.wide, self.wide_data)
-        mujoco.mj_collision(self.wide, self.wide_data)
-        if not self.wide_data.ncon:
-            return out
-        pairs, distances = self.wide_data.contact.geom, self.wide_data.contact.dist
-        owner, kind = self.world.geom_finger, self.kind_of_geom
-        for one, other in ((pairs[:, 0], pairs[:, 1]), (pairs[:, 1], pairs[:, 0])):
-            # A finger's own links are no obstacle to it.
-            counts = (owner[one] >= 0) & (owner[one] != owner[other])
-            np.minimum.at(out, (owner[one[counts]], kind[other[counts]]), distances[counts])
-        return out
-
     def as_replay(self, data: mujoco.MjData) -> Replay:
         """Return all samples, frozen; ``data`` supplies MuJoCo's warnings."""
         world = self.world
@@ -320,17 +295,6 @@ class Reader:
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
         return result
-
-
-def _name_kinds(world: World) -> Indices:
-    """Return for each geom its index in :data:`OBSTACLE_KINDS`; whatever is neither object, finger nor floor
-    is an obstacle.
-    """
-    kinds = np.full(len(world.geom_names), OBSTACLE_KINDS.index("obstacles"))
-    kinds[world.geom_finger >= 0] = OBSTACLE_KINDS.index("fingers")
-    kinds[world.object_geom] = OBSTACLE_KINDS.index("object")
-    kinds[world.geom_names.index("floor")] = OBSTACLE_KINDS.index("floor")
-    return kinds
 
 
 def _cross(a: Array, b: Array) -> Array:

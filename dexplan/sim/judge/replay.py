@@ -14,9 +14,9 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dexplan.errors import RunFolderError
+from dexplan.sim.judge.clearances import OBSTACLE_KINDS
 from dexplan.sim.judge.reading import (
     INTEGRATION,
-    OBSTACLE_KINDS,
     SAMPLES,
     OtherContact,
     Reader,

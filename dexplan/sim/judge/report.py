@@ -12,13 +12,17 @@ from typing import Any, Literal
 
 from dexplan.brief import brief_repr
 from dexplan.errors import RunFolderError
+from dexplan.notebook import as_html_table
 from dexplan.sim.judge.checks_case import CheckResult
-from dexplan.sim.judge.groups import GROUPS
+from dexplan.sim.judge.groups import GROUPS, find_group
 from dexplan.sim.judge.limits import INTEGRITY
+from dexplan.sim.judge.true_world import describe_untrue
 
 FORMAT = 1
 """The report format this package reads and writes."""
 
+HEADS = ("check", "status", "value", "limit", "unit", "at s", "note")
+"""What stands over the columns of the table."""
 HEADLINES = (
     ("turned_angle", "turn off by"),
     ("position_error_max", "position within"),
@@ -36,8 +40,9 @@ class ValidationReport:
 
     ``physics`` are the parameters simulated under, ``timing`` seconds simulated and spent, ``versions`` and
     ``machine`` of what judged.  ``recorded`` are versions and machine of the record as it states them, with its
-    ``differences`` from here; ``loose_limits`` maps limits looser than their defaults to ``value`` and ``default``;
-    ``groups`` are those whose checks were judged.
+    ``differences`` from here, and the ``controller``, None for dexplan's own; ``loose_limits`` maps limits looser than
+    their defaults to ``value`` and ``default``; ``groups`` are those whose checks were judged; ``untrue`` maps each parameter
+    of the world that was not as ``believed`` to that and what is ``true``.
     """
 
     name: str
@@ -52,13 +57,14 @@ class ValidationReport:
     recorded: Mapping[str, Any] = field(default_factory=dict)
     loose_limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     groups: tuple[str, ...] = tuple(GROUPS)
+    untrue: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "checks", tuple(self.checks))
         object.__setattr__(self, "groups", tuple(self.groups))
-        for key in ("physics", "timing", "versions", "machine", "recorded", "loose_limits"):
+        for key in ("physics", "timing", "versions", "machine", "recorded", "loose_limits", "untrue"):
             object.__setattr__(self, key, MappingProxyType(json.loads(json.dumps(dict(getattr(self, key))))))
 
     def __eq__(self, other: object) -> bool:
@@ -101,17 +107,25 @@ class ValidationReport:
             "recorded": dict(self.recorded),
             "loose_limits": dict(self.loose_limits),
             "groups": list(self.groups),
+            "untrue": dict(self.untrue),
         }
 
     @property
     def reservations(self) -> tuple[str, ...]:
-        """What has to be said beside the verdict, one sentence each: groups left out, looser limits, a record from
-        elsewhere.
+        """What has to be said beside the verdict, one sentence each: another controller, groups left out, a world that is
+        not as believed, looser limits, a record from elsewhere.
         """
         told = []
-        left_out = [name for name in GROUPS if name not in self.groups]
-        if left_out:
-            told.append(f"judged: {', '.join(self.groups)}; not judged: {', '.join(left_out)}")
+        unrecorded = {find_group(check.name) for check in self.checks if check.status == "not_recorded"}
+        words = [f"run by {self.recorded['controller']}"] if self.recorded.get("controller") else []
+        if len(self.groups) < len(GROUPS):
+            words.append(f"judged: {', '.join(self.groups)}")
+            for why, names in (("recorded", unrecorded), ("judged", set(GROUPS) - unrecorded)):
+                left_out = [name for name in GROUPS if name in names and name not in self.groups]
+                words += [f"not {why}: {', '.join(left_out)}"] if left_out else []
+        told += ["; ".join(words)] if words else []
+        if self.untrue:
+            told.append(f"the world is not as believed: {describe_untrue(self.untrue)}")
         if self.loose_limits:
             words = [
                 f"{key} {x['value']:g} instead of {x['default']:g}" for key, x in self.loose_limits.items()
@@ -151,8 +165,16 @@ class ValidationReport:
 
     def table(self) -> str:
         """Return all checks as aligned text."""
-        heads = ("check", "status", "value", "limit", "unit", "at s", "note")
-        rows = [heads] + [
+        rows = [HEADS, *self._list_rows()]
+        widths = [max(len(row[i]) for row in rows) for i in range(len(HEADS))]
+        return "\n".join(
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        )
+
+    def _list_rows(self) -> list[tuple[str, ...]]:
+        """Return a row of text per check, under :data:`HEADS`."""
+        return [
             (
                 c.name,
                 c.status.replace("_", " "),
@@ -164,11 +186,11 @@ class ValidationReport:
             )
             for c in self.checks
         ]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(heads))]
-        return "\n".join(
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        )
+
+    def _repr_html_(self) -> str:
+        """Return the report as notebooks show it: the verdict, and a row per check, those that failed in bold."""
+        failed = [k for k, check in enumerate(self.checks) if check.status == "fail"]
+        return as_html_table(HEADS, self._list_rows(), failed, caption=self.summary_line())
 
     def save(self, path: str | Path) -> Path:
         """Write report.json, whole or not at all.  Returns the path."""

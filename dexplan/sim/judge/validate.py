@@ -24,11 +24,19 @@ from dexplan.sim.judge import (
     checks_rolling,
 )
 from dexplan.sim.judge.checks_case import MAY, Case, CheckResult, find_runs
-from dexplan.sim.judge.groups import GROUPS, find_group, resolve_groups
+from dexplan.sim.judge.groups import (
+    GROUPS,
+    OWN_GROUPS,
+    choose_judged,
+    find_group,
+    read_controller,
+    resolve_groups,
+)
 from dexplan.sim.judge.limits import find_loose_limits, load_default_limits, resolve_limits
 from dexplan.sim.judge.recipe import check_times, read_recipe
-from dexplan.sim.judge.replay import Replay, replay
+from dexplan.sim.judge.replay import replay
 from dexplan.sim.judge.report import ValidationReport
+from dexplan.sim.judge.true_world import find_untold, find_untrue, join_world
 from dexplan.sim.judge.world import read_world
 from dexplan.sim.machine import describe_machine, describe_versions, find_differences
 from dexplan.sim.trace import Trace
@@ -117,16 +125,22 @@ def validate_run(
     trace: Trace,
     limits: Mapping[str, bool | float] | None = None,
     groups: Iterable[str] | None = None,
+    world: Mapping[str, Any] | None = None,
 ) -> ValidationReport:
     """Replay ``trace`` and judge it: ``problem`` and ``plan`` as the data of their files.
 
     ``groups`` names the groups of checks to judge (``groups.GROUPS``; None: all), which the verdict line tells where some are
-    left out.  ``limits`` stand over the problem's ``[acceptance]``, which stands over the packaged defaults.  A bad run
+    left out.  ``world`` is the data of a problem with the true parameters of the world (None: they are as ``problem`` has
+    them).  What only dexplan's own controller could have recorded is "not recorded" where the record names another.
+
+    ``limits`` stand over the problem's ``[acceptance]``, which stands over the packaged defaults.  A bad run
     is a verdict; RunFolderError is raised only where there is nothing to step: no controls, or a model that
-    does not compile; ProblemError for limits that may not be set, UnknownNameError for no group.
+    does not compile; ProblemError for limits that may not be set, for a world of another problem, and where nothing is
+    recorded of all ``groups``; UnknownNameError for no group.
     """
     began = time.perf_counter()
-    judged = resolve_groups(groups)
+    truth, controller = join_world(problem, world), read_controller(trace.meta)
+    judged = choose_judged(resolve_groups(groups), controller)
     numbers = resolve_limits(problem.get("acceptance", {}), limits or {})
     recipe = read_recipe(trace.columns)
     check_times(trace.columns, recipe.physics_steps_per_sample, read_world(trace.model_xml).timestep)
@@ -134,16 +148,18 @@ def validate_run(
     stepped = time.perf_counter()
     differences = find_differences(trace.meta)
     case = Case(
-        problem,
+        truth,
         plan,
         trace.columns,
         replayed,
         numbers,
         recipe.initial_state,
         differences,
-        trace.contradictions,
+        (*trace.contradictions, *find_untold(problem, world, trace.meta)),
+        believed=problem,
+        controller=controller,
     )
-    results = run_checks(case, judged)
+    results = run_checks(case, resolve_groups(groups))
     timing = {
         "simulated_s": case.sample_count * case.sample_time,
         "replay_s": round(stepped - began, 3),
@@ -155,7 +171,7 @@ def validate_run(
         name=str(problem.get("name", "")),
         verdict="fail" if any(result.status == "fail" for result in results) else "pass",
         checks=results,
-        physics=_describe_physics(problem, replayed, case.sample_time),
+        physics=_describe_physics(case),
         timing=timing,
         versions=describe_versions("dexplan", "mujoco", "numpy", "osqp", "scipy"),
         seed=int(problem.get("seed", 0)),
@@ -164,7 +180,9 @@ def validate_run(
             "versions": trace.meta.get("versions"),
             "machine": trace.meta.get("machine"),
             "differences": differences,
+            "controller": controller,
         },
+        untrue=find_untrue(problem, world),
         loose_limits={
             limit.name: {"value": limit.value, "default": limit.default}
             for limit in find_loose_limits(numbers)
@@ -174,10 +192,16 @@ def validate_run(
 
 
 def run_checks(case: Case, groups: Iterable[str] = tuple(GROUPS)) -> tuple[CheckResult, ...]:
-    """Return the results of all checks, those marked that the problem does not ask for, or that are of no group judged."""
+    """Return the results of all checks, those marked that the problem does not ask for, that are of no group judged, or that
+    ask for what another controller than dexplan's own does not record.
+    """
     results, asked = [], set(groups)
     for name, check in CHECKS:
         group = find_group(name)
+        if group in asked and group in OWN_GROUPS and case.controller is not None:
+            note = f"{case.controller} is asked for its controls alone"
+            results.append(CheckResult(name, "not_recorded", None, None, "", note=note))
+            continue
         if group not in asked:
             note = f"the group {group} was not judged"
             results.append(CheckResult(name, "not_applicable", None, None, "", note=note))
@@ -190,23 +214,27 @@ def run_checks(case: Case, groups: Iterable[str] = tuple(GROUPS)) -> tuple[Check
     return tuple(results)
 
 
-def _describe_physics(problem: Mapping[str, Any], replayed: Replay, sample_time: float) -> dict[str, Any]:
-    """Return what the run was simulated under, read from the compiled model where it is there."""
+def _describe_physics(case: Case) -> dict[str, Any]:
+    """Return what the run was simulated under, read from the compiled model where it is there, and what was believed."""
+    problem, replayed, believed = case.problem, case.replay, case.believed_friction
     model, friction = replayed.world.model, problem["friction"]
     # Hertz: mu_t = (3 pi/16) mu a for a patch of radius a.
     patch = 16 * friction["torsional_m"] / (3 * math.pi * friction["sliding"])
     return {
         "profile": problem["control"]["physics_profile"],
         "timestep_s": replayed.world.timestep,
-        "control_period_s": sample_time,
+        "control_period_s": case.sample_time,
         "gravity_m_s2": model.opt.gravity.tolist(),
         "impratio": float(model.opt.impratio),
         "noslip_iterations": int(model.opt.noslip_iterations),
         "sliding_friction": friction["sliding"],
         "torsional_friction_m": friction["torsional_m"],
         "friction_safety": friction["safety"],
+        "sliding_friction_believed": believed[0],
+        "torsional_friction_believed_m": believed[1],
         "implied_patch_radius_mm": 1e3 * patch,
         "object_mass_kg": replayed.world.object_mass,
+        "object_mass_believed_kg": (case.believed or problem)["object"]["mass_kg"],
         "hand_mass_kg": float(model.body_mass.sum() - replayed.world.object_mass),
         "joint_armature_max_kg_m2": float(model.dof_armature.max(initial=0.0)),
         "joint_damping_max_N_m_s": float(model.dof_damping.max(initial=0.0)),

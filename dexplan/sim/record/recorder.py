@@ -13,9 +13,10 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from dexplan.control.controller import Command
+from dexplan.control.foreign import ForeignCommand
 from dexplan.grasp.force.solver import ForceSolution
 from dexplan.scene.scene import Scene
-from dexplan.scene.touch import TOUCH_FIELDS, read_touches
+from dexplan.scene.touch import TOUCH_FIELDS, Touches, read_touches
 from dexplan.spatial import Array, as_pose7
 
 BATCH = 256
@@ -30,14 +31,16 @@ class Recorder:
     Evaluating a batch again gives the same, so that a run that is cut short anywhere keeps all of its whole samples.
     """
 
-    def __init__(self, scene: Scene, batch: Batch) -> None:
-        """``batch`` has :data:`BATCH` simulations of the scene's model with touch sensors."""
-        self._scene, self._batch = scene, batch
+    def __init__(self, scene: Scene, batch: Batch, has_internals: bool) -> None:
+        """``batch`` has :data:`BATCH` simulations of the scene's model with touch sensors; ``has_internals``: whether dexplan's
+        own controller is recorded, which says more than its controls.
+        """
+        self._scene, self._batch, self._has_internals = scene, batch, has_internals
         self._model = scene.model
         self._fields = {name: batch.bind(name) for name in TOUCH_FIELDS}
         self._states = {name: batch.bind(name) for name in ("time", "qpos", "qvel", "ctrl")}
         self._rows = list(batch.state)
-        self._commands: list[Command] = []
+        self._commands: list[Command | ForeignCommand] = []
         self._done: list[Columns] = []
 
     @property
@@ -45,7 +48,7 @@ class Recorder:
         """Number of samples kept."""
         return BATCH * len(self._done) + len(self._commands)
 
-    def keep(self, data: mujoco.MjData, command: Command) -> None:
+    def keep(self, data: mujoco.MjData, command: Command | ForeignCommand) -> None:
         """Keep the sample that ``data`` is at, with the controls that follow from it, and what led to them."""
         if len(self._commands) == BATCH:
             self._done, self._commands = [*self._done, self._evaluate()], []
@@ -63,9 +66,7 @@ class Recorder:
         columns: Columns = {name: values[:n].copy() for name, values in self._states.items()}
         self._batch.forward(np.arange(n))
         touches = read_touches(self._scene, {name: field[:n] for name, field in self._fields.items()})
-        forces_W = np.array([c.forces_W for c in commands]).reshape(n, self._scene.n_fingers, 4)
-        wanted = np.einsum("tfij,tfi->tfj", touches.rotation_W, forces_W[..., :3])
-        twist = np.where(touches.active, forces_W[..., 3], np.nan)
+        own = [command for command in commands if isinstance(command, Command)]
         return columns | {
             "object_pose_reference": as_pose7(np.array([c.X_WO_ref for c in commands]).reshape(n, 4, 4)),
             "action_index": np.array([c.action_index for c in commands], dtype=np.int64),
@@ -74,16 +75,24 @@ class Recorder:
             "contact_point_O": touches.point_O,
             "contact_rotation_O": touches.rotation_O,
             "contact_force": touches.force,
-            "contact_force_reference": np.concatenate([wanted, twist[..., None]], axis=-1),
             "contact_slip_velocity": touches.slip_velocity,
             "tip_contact_angle": touches.pole_angle,
-            "qp_status": np.array(
-                [c.qp is not None and not c.qp.is_solved for c in commands], dtype=np.int64
-            ),
-            "qp_wrench_residual": _compute_residuals([c.qp for c in commands]),
-            "tip_tracking_error": np.array([c.tip_error for c in commands], dtype=np.float64),
-            "ik_at_limit": np.array([c.ik_at_limit for c in commands], dtype=bool),
+            **(_read_internals(own, touches) if self._has_internals else {}),
         }
+
+
+def _read_internals(commands: list[Command], touches: Touches) -> Columns:
+    """Return what dexplan's own controller says of each of N samples beside its controls."""
+    forces_W = np.array([c.forces_W for c in commands]).reshape(*touches.active.shape, 4)
+    wanted = np.einsum("tfij,tfi->tfj", touches.rotation_W, forces_W[..., :3])
+    twist = np.where(touches.active, forces_W[..., 3], np.nan)
+    return {
+        "contact_force_reference": np.concatenate([wanted, twist[..., None]], axis=-1),
+        "qp_status": np.array([c.qp is not None and not c.qp.is_solved for c in commands], dtype=np.int64),
+        "qp_wrench_residual": _compute_residuals([c.qp for c in commands]),
+        "tip_tracking_error": np.array([c.tip_error for c in commands], dtype=np.float64),
+        "ik_at_limit": np.array([c.ik_at_limit for c in commands], dtype=bool),
+    }
 
 
 def _compute_residuals(answers: list[ForceSolution | None]) -> Array:

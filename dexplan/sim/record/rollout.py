@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from dexplan.brief import brief_repr
 from dexplan.control.controller import Controller
+from dexplan.control.foreign import ForeignController, ForeignDriver
 from dexplan.control.observation import Observation
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
+from dexplan.errors import ControllerError
 from dexplan.kinematics.chain import solve_ik
 from dexplan.scene.scene import Scene
 from dexplan.scene.touch import build_touch_model, compute_static_normal_force
@@ -28,24 +32,41 @@ PACKAGES = ("dexplan", "mujoco", "mink", "daqp", "osqp", "numpy", "scipy")
 """Whose versions a record names."""
 
 
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What is true where it differs from what is believed.
+
+    ``scene`` has the true friction, mass and sizes; ``X_WO_start`` (4, 4) is the object's pose at the start.  None: as believed.
+    """
+
+    scene: Scene | None = None
+    X_WO_start: Array | None = None
+
+    __repr__ = brief_repr
+
+
 def rollout(
     scene: Scene,
     reference: Reference,
     options: ControlOptions,
     *,
-    world: Scene | None = None,
-    X_WO_start: Array | None = None,
+    controller: ForeignController | None = None,
+    truth: Truth | None = None,
     meta: Mapping[str, Any] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trace:
     """Run ``reference`` on ``scene`` and return the trace; a run that fails returns the trace so far.
 
-    ``scene`` is what the controller believes; ``world`` what is true, where that differs (friction, mass, sizes).
-    ``X_WO_start`` (4, 4) is the object's true pose at the start (default: its home); ``progress`` is called with the share
-    done.  A failure (object lost, finger that finds nothing) stands in the trace's ``meta["failure"]``.  An exception that cuts
-    the run short, Ctrl-C included, goes on with the trace so far as its attribute ``trace``.
+    ``scene`` is what the controller believes, ``truth`` what is so.  ``controller`` takes the place of dexplan's own, from the
+    same start, at the same rate, with the same columns but for those that only dexplan's own has anything to write into; the
+    trace's ``meta["controller"]`` names it.  ``progress`` is called with the share done.
+
+    A failure (object lost, finger that finds nothing) stands in the trace's ``meta["failure"]``.  An exception that cuts
+    the run short, Ctrl-C included, goes on with the trace so far as its attribute ``trace``; ControllerError is raised for what a
+    foreign controller does wrong.
     """
-    believed, scene = scene, world or scene
+    truth = truth or Truth()
+    believed, scene = scene, truth.scene or scene
     model = scene.model
     steps = round(options.tick / model.opt.timestep)
     if steps < 1 or abs(steps * model.opt.timestep - options.tick) > 1e-9:
@@ -53,14 +74,15 @@ def rollout(
             f"{options.rate:g} ticks per second do not last a whole number of physics steps of {model.opt.timestep:g} s"
         )
     data = mujoco.MjData(model)
-    X_WO = scene.object.X_WO_home if X_WO_start is None else X_WO_start
-    controller = Controller(believed, reference, options)
-    senses = _Senses(scene, data)
-    _set_start(scene, believed, reference, controller, X_WO, data)
+    X_WO = scene.object.X_WO_home if truth.X_WO_start is None else truth.X_WO_start
+    own, senses = Controller(believed, reference, options), _Senses(scene, data)
+    driver = own if controller is None else ForeignDriver(controller, believed, reference, options)
+    named = {} if isinstance(driver, Controller) else {"controller": driver.name}
+    _set_start(scene, believed, reference, own, X_WO, data)
     initial_state = np.zeros(mujoco.mj_stateSize(model, STATE))
     mujoco.mj_getState(model, data, initial_state, STATE)
     # On this thread alone: whoever wants more cores runs more runs.
-    recorder = Recorder(scene, Batch(build_touch_model(scene), BATCH, 1))
+    recorder = Recorder(scene, Batch(build_touch_model(scene), BATCH, 1), has_internals=driver is own)
     planned = max(reference.duration, options.tick)
     failure: str | None = None
 
@@ -69,11 +91,11 @@ def rollout(
         columns["initial_state"] = initial_state
         columns["physics_steps_per_sample"] = np.array(steps)
         made_by = {"versions": describe_versions(*PACKAGES), "machine": describe_machine()}
-        return Trace(scene.xml, columns, {**(meta or {}), "failure": failure, **made_by})
+        return Trace(scene.xml, columns, {**(meta or {}), **named, "failure": failure, **made_by})
 
     try:
         for _ in range(int(3.0 * planned / options.tick) + 500):
-            command = controller.step(senses.observe())
+            command = driver.step(senses.observe())
             data.ctrl[:] = command.ctrl
             recorder.keep(data, command)
             failure = command.failure or _find_failure(scene, data, command.X_WO_ref)
@@ -85,6 +107,7 @@ def rollout(
     except BaseException as error:
         if recorder.count:
             what = "interrupted" if isinstance(error, KeyboardInterrupt) else type(error).__name__
+            what = str(error) if isinstance(error, ControllerError) else what
             error.trace = as_trace(f"cut short: {what}")  # type: ignore[attr-defined]
         raise
     return as_trace(failure)

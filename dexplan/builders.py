@@ -1,0 +1,153 @@
+"""From a problem to the values that planning and control take: scene, hand, friction, squeeze, limits, timing, options."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from dexplan.contact.friction import SoftFinger
+from dexplan.control.options import RATE, ControlOptions, compute_torque_fraction
+from dexplan.control.rate import choose_rate, limit_joint_speed
+from dexplan.kinematics.workspace import load_workspace
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.admissible.limits import AdmissibleLimits
+from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
+from dexplan.planning.search.cost import CostWeights, Improvement
+from dexplan.plans.forces import NormalForces
+from dexplan.plans.margins import MarginLimits
+from dexplan.plans.timing import Timing
+from dexplan.problems.problem import Problem
+from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
+from dexplan.scene.library import load_scene_with
+from dexplan.scene.penetration import compute_force_at
+from dexplan.scene.probe import HandProbe
+from dexplan.scene.scene import Scene
+
+
+def build_scene(problem: Problem) -> Scene:
+    """Return the scene of ``problem``."""
+    return load_scene_with(
+        SceneParameters(
+            scene=problem.scene,
+            object_radius=problem.object.radius_m,
+            object_mass=problem.object.mass_kg,
+            tip_radii=problem.hand.tip_radii_m,
+            base_azimuths_deg=problem.hand.base_azimuths_deg,
+            joint_ranges_deg=tuple(
+                (key, *limits) for key, limits in sorted(problem.hand.joint_ranges_deg.items())
+            ),
+            sliding_friction=problem.friction.sliding,
+            torsional_friction=problem.friction.torsional_m,
+            physics_profile=problem.control.physics_profile,
+            obstacles=tuple(Obstacle(o.kind, o.pos_m, o.size_m) for o in problem.obstacles),
+        )
+    )
+
+
+def build_hand(problem: Problem, scene: Scene) -> HandModel:
+    """Return what the planner may know of ``scene``, with the friction that ``problem`` believes in."""
+    center = scene.object.X_WO_home[:3, 3]
+    timing, squeeze = build_timing(problem), build_squeeze(problem, scene)
+    return HandModel(
+        fingers=scene.fingers,
+        object=replace(scene.object, allowed_regions=build_allowed_regions(problem)),
+        workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
+        friction=build_friction(problem).scaled(squeeze.friction_share),
+        probe=HandProbe(scene),
+        limits=build_limits(problem, squeeze),
+        normal_force=squeeze.normal,
+        hover=timing.touchdown.hover,
+        acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
+        tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
+        tip_rotation_limit=float(np.radians(problem.hand.tip_rotation_limit_deg)),
+    )
+
+
+def build_friction(problem: Problem) -> SoftFinger:
+    """Return the friction that ``problem`` believes in."""
+    return SoftFinger(problem.friction.believed_sliding, problem.friction.believed_torsional_m)
+
+
+def build_squeeze(problem: Problem, scene: Scene) -> Squeeze:
+    """Return how hard the fingers of ``scene`` squeeze the object of ``problem``."""
+    friction = build_friction(problem)
+    bearable, greatest = (compute_force_at(scene, depth) for depth in (DEPTH, DEPTH_CEILING))
+    asked = problem.forces
+    forces = NormalForces(asked.normal_N, asked.normal_floor_N, asked.normal_ceiling_N)
+    return choose_squeeze(scene.object.mass, friction, bearable, greatest, forces)
+
+
+def build_limits(problem: Problem, squeeze: Squeeze) -> AdmissibleLimits:
+    """Return what states must leave to spare: the margins that ``problem`` asks for, and the normal forces of its squeeze."""
+    margins = problem.margins
+    joint = float(np.radians(margins.joint_deg))
+    return AdmissibleLimits(
+        joint_margin=joint,
+        # A free finger ends its way where it is to hold, so it cannot be asked for more than holding fingers are.
+        travel_margin=min(AdmissibleLimits.travel_margin, joint),
+        cone_share=margins.cone_share,
+        torque_share=margins.torque_share,
+        clearance=1e-3 * margins.clearance_mm,
+        normal_floor=squeeze.floor,
+        normal_ceiling=squeeze.ceiling,
+    )
+
+
+def build_margin_limits(problem: Problem) -> MarginLimits:
+    """Return what plans for ``problem`` have to leave to spare, in the units in which plans state it."""
+    margins = problem.margins
+    return MarginLimits(
+        margins.joint_deg,
+        AdmissibleLimits.dexterity,
+        margins.cone_share,
+        margins.torque_share,
+        margins.clearance_mm,
+    )
+
+
+def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
+    """Return the parts of the object that contacts may use; none means all of it."""
+    return tuple(
+        ContactCone(np.array(region.axis), float(np.radians(region.half_angle_deg)))
+        for region in problem.object.allowed_regions
+    )
+
+
+def build_timing(problem: Problem) -> Timing:
+    """Return the timing that the problem's speed and control rate ask for."""
+    timing, asked = (
+        Timing(object_speed=float(np.radians(problem.control.speed_deg_s))),
+        problem.control.rate_hz,
+    )
+    # A rate that is chosen is never below RATE.
+    rate = RATE if asked == "auto" else float(asked)
+    return replace(timing, joint_speed=limit_joint_speed(timing.joint_speed, rate))
+
+
+def build_improvement(problem: Problem) -> Improvement:
+    """Return how long better plans are looked for, and what makes one better."""
+    weights = problem.gait.weights
+    return Improvement(
+        problem.gait.improvement,
+        CostWeights(weights.placement, weights.turn, weights.load, weights.clearance),
+    )
+
+
+def build_options(problem: Problem, **changes: Any) -> ControlOptions:
+    """Return the controller's options for ``problem``, with ``changes`` of single fields."""
+    scene = build_scene(problem)
+    squeeze = build_squeeze(problem, scene)
+    friction = build_friction(problem).scaled(squeeze.friction_share)
+    room = squeeze.normal * (problem.friction.torsional_m - friction.torsional)
+    asked = problem.control.rate_hz
+    rate = choose_rate(room, scene.model.opt.timestep) if asked == "auto" else float(asked)
+    options = ControlOptions(
+        friction.sliding,
+        friction.torsional,
+        torque_fraction=compute_torque_fraction(problem.margins.torque_share),
+        force_solver=problem.control.force_solver,
+        rate=rate,
+    )
+    return replace(options, **changes)

@@ -1,0 +1,103 @@
+"""A task with goal contacts as it was asked: who holds what at first, where the fingers are to touch, and what may be tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from dexplan.planning.actions.joining import enclose
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.still import StillContacts, build_landings
+from dexplan.planning.search.options import SearchOptions
+from dexplan.planning.tasks.goal_refusals import GoalContacts
+from dexplan.planning.tasks.no import No
+from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.planning.tasks.starting import Start
+from dexplan.plans.actions import Action
+from dexplan.plans.contacts import Contacts, GoalContact, Placement
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Refusal
+from dexplan.plans.status import Status
+from dexplan.spatial import VERTICAL, Array
+
+
+@dataclass(frozen=True, eq=False)
+class GraspTask:
+    """What is asked: from the contacts ``start``, the object at ``X_WO`` (4, 4), to the contacts ``goal``.
+
+    ``hold`` is the plan that holds still at the start: it settles the start contacts, or says what is wrong with them.
+    """
+
+    hand: HandModel
+    X_WO: Array
+    start: Start
+    goal: GoalContacts
+    options: SearchOptions
+    admissibility: Admissibility = field(init=False)
+    hold: Plan = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "admissibility", Admissibility(self.hand))
+        still, options = RotationGoal(self.X_WO, VERTICAL, 0.0), self.options
+        hold = plan_rotation(self.hand, still, self.start, options.node_budget, options.primitives)
+        object.__setattr__(self, "hold", hold)
+
+    @property
+    def is_start_refused(self) -> bool:
+        """Whether the start contacts do not hold: then :attr:`hold` says why."""
+        return self.hold.status not in (Status.SOLVED, Status.NO_ADMISSIBLE_PAIR)
+
+    def land_goal(self, X_WO: Array) -> tuple[Contacts, tuple[str, ...]]:
+        """Return the goal contacts with the object at ``X_WO`` (4, 4), and which fingers cannot reach their own, by name."""
+        found: list[Placement | None] = []
+        missing = []
+        for finger, normal in enumerate(self.goal):
+            if normal is None:
+                found.append(None)
+                continue
+            placement = build_landings(self.hand, X_WO, finger, normal[None])[0]
+            found.append(placement)
+            if placement is None:
+                missing.append(self.hand.fingers[finger].name)
+        return tuple(found), tuple(missing)
+
+    @property
+    def _goal_contacts(self) -> tuple[GoalContact | None, ...]:
+        radial = self.hand.object.surface.radial
+        return tuple(None if n is None else GoalContact(f, radial(n), n) for f, n in enumerate(self.goal))
+
+    def refuse_goal(self, X_WO: Array, contacts: Contacts) -> Refusal | None:
+        """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); None where it can."""
+        still = StillContacts(self.hand, X_WO, self.admissibility)
+        stand = tuple(None if c is None else still.add(c) for c in contacts)
+        return still.judge(stand).refusal
+
+    def build_plan(
+        self, kind: str, goal: RotationGoal, actions: tuple[Action, ...], start: Contacts, nodes: int
+    ) -> Plan:
+        """Return the plan made of ``actions``, found after so many nodes."""
+        whole = enclose(actions, start, self.X_WO, goal.axis_W)
+        return replace(
+            self.refuse(kind, goal, No(Status.SOLVED, ""), nodes), start_contacts=start, actions=whole
+        )
+
+    def refuse_start(self, kind: str, goal: RotationGoal) -> Plan:
+        """Return the plan that says why the start contacts do not hold."""
+        return self.refuse(kind, goal, No(self.hold.status, self.hold.reason, self.hold.refusal))
+
+    def refuse(self, kind: str, goal: RotationGoal, no: No, nodes: int = 0) -> Plan:
+        """Return the plan that says why there is none, after so many nodes."""
+        return replace(
+            self.hold,
+            status=no.status,
+            reason=no.reason,
+            refusal=no.refusal,
+            goal_kind=kind,
+            goal_contacts=self._goal_contacts,
+            X_WO_goal=goal.X_WO_goal,
+            axis_W=goal.axis_W,
+            turned_angle=None if goal.is_attitude else goal.angle,
+            actions=(),
+            statistics={"nodes": nodes},
+        )

@@ -1,0 +1,110 @@
+"""A turn or shift without the fast path: the same question, no symmetry of the object made use of.
+
+It is what gaits on orbits are held against, and the path of objects that look the same around no axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import count
+
+from dexplan.planning.actions.coordinated import center_spin
+from dexplan.planning.actions.joining import build_move_actions, enclose
+from dexplan.planning.admissible.admissibility import Admissibility
+from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.legs import Leg
+from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.contacts.track import Track
+from dexplan.planning.gait.routes import build_routes
+from dexplan.planning.regrasp.any_grip import SiteGait
+from dexplan.planning.regrasp.moves import Move
+from dexplan.planning.tasks.blocked import find_start_normal, refuse_start_contact
+from dexplan.planning.tasks.no import No
+from dexplan.planning.tasks.object_manipulation import refuse
+from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
+from dexplan.planning.tasks.starting import Start
+from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion
+from dexplan.plans.plan import Plan
+from dexplan.plans.status import Status
+
+STRETCH = 20
+"""Nodes that the search of a route may open before another may have its turn."""
+
+
+def plan_rotation_on_sites(hand: HandModel, goal: RotationGoal, start: Start, node_budget: int) -> Plan:
+    """Return a plan that takes the object to ``goal`` by finger gaiting, as ``plan_rotation`` does on orbits.
+
+    No plan is an answer with a status: ``no_gait`` where everything was tried, ``budget_exhausted`` where nodes ran out, or one
+    of those that refuse a start.
+    """
+    admissibility = Admissibility(hand)
+    landed = _land_start(hand, goal, start, admissibility)
+    if isinstance(landed, No):
+        return refuse(hand, goal, landed.status, landed.reason, landed.refusal)
+    tracks = [Track(tuple(map(_as_motion, route))) for route in build_routes(goal)]
+    begun: list[SiteGait] = []
+    opened = 0
+    for turn in count():
+        # One route more has its turn every time; each goes on where it stopped.
+        if turn < len(tracks):
+            first = tracks[turn].motions[0]
+            contacts = tuple(None if c is None else center_spin(hand, c, first) for c in landed)
+            begun.append(SiteGait(hand, admissibility, tracks[turn], contacts))
+        going = [gait for gait in begun if not gait.is_exhausted]
+        if opened >= node_budget or not (going or turn < len(tracks)):
+            break
+        for gait in going:
+            before = gait.opened
+            moves = gait.run(min(STRETCH, node_budget - opened))
+            opened += gait.opened - before
+            if moves is not None:
+                return _build(hand, goal, gait.start, moves, opened)
+    why = begun[0].explain()
+    status = Status.BUDGET_EXHAUSTED if any(not gait.is_exhausted for gait in begun) else Status.NO_GAIT
+    reason = f"no gait on sites within {opened} nodes ({why})"
+    return replace(refuse(hand, goal, status, reason, why), statistics={"nodes": float(opened)})
+
+
+def _as_motion(leg: Leg) -> ObjectMotion:
+    return ObjectMotion(leg.X_WO_start, leg.axis_W, leg.angle, leg.shift_W)
+
+
+def _build(
+    hand: HandModel, goal: RotationGoal, start: Contacts, moves: tuple[Move, ...], opened: int
+) -> Plan:
+    actions = build_move_actions(moves, start, goal.axis_W)
+    return replace(
+        refuse(hand, goal, Status.SOLVED, ""),
+        start_contacts=start,
+        actions=enclose(actions, start, goal.X_WO_start, goal.axis_W),
+        statistics={"nodes": float(opened)},
+    )
+
+
+def _land_start(
+    hand: HandModel, goal: RotationGoal, start: Start, admissibility: Admissibility
+) -> Contacts | No:
+    """Return the start contacts, or why they cannot be made; where the planner may choose, those of the least strained pair."""
+    X_WO = goal.X_WO_start
+    if start is None:
+        survey = PairSurvey(hand, X_WO, admissibility)
+        pair = survey.find_pair()
+        if pair is None:
+            refusal = explain_no_pair(survey)
+            return No(Status.NO_FORCE_CLOSURE_PAIR, f"no two fingers can hold the object: {refusal}", refusal)
+        i, j, v, w = pair
+        normals = {i: survey.get_normal(v), j: survey.get_normal(w)}
+        start = tuple(normals.get(f) for f in range(len(hand.fingers)))
+    contacts: list[Placement | None] = []
+    for finger, given in enumerate(start):
+        if given is None or isinstance(given, Placement):
+            contacts.append(given)
+            continue
+        normal_O = X_WO[:3, :3].T @ find_start_normal(X_WO, given)
+        landed = build_landings(hand, X_WO, finger, normal_O[None])[0]
+        if landed is None:
+            return refuse_start_contact(hand, X_WO, finger, given)
+        contacts.append(landed)
+    return tuple(contacts)
