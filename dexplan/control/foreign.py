@@ -165,7 +165,7 @@ class ForeignDriver:
 
     def _find_motion(self, now: PlanTime) -> PlannedMotion:
         X, V, A = now.phase.object_path.sample(now.t)
-        X_next, _, _ = now.phase.object_path.sample(now.t + self._tick)
+        X_next = now.phase.object_path.sample(now.t + self._tick).X_WO
         holding = np.zeros(self._scene.n_fingers, dtype=bool)
         holding[list(now.phase.holding)] = True
         return PlannedMotion(X, V, A, X_next, now.phase.action_index, now.phase.phase_index, now.t, holding)
