@@ -26,7 +26,7 @@ from dexplan.builders import (  # noqa: F401 - callers find them all here
 from dexplan.control.foreign import ForeignController
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import build_reference
-from dexplan.errors import DexplanError, RunFolderError
+from dexplan.errors import DexplanError
 from dexplan.planning.actions import schedule
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.search.options import SearchOptions
@@ -43,7 +43,7 @@ from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.true_world import check_world, read_recorded_world
-from dexplan.run_folder import RUN_FILES, check_replaceable, drop_told, save_problem, write_whole
+from dexplan.run_folder import RUN_FILES, check_replaceable, drop_told, read_model, save_problem, write_whole
 from dexplan.scene.scene import Scene
 from dexplan.sim.judge.true_world import join_world
 from dexplan.sim.judge.validate import ValidationReport, validate_run
@@ -312,7 +312,7 @@ def load_run(folder: str | Path) -> SavedRun:
     folder = Path(folder)
     problem = Problem.load(folder / "problem.toml")
     plan = Plan.load(folder / "plan.json")
-    model_xml = _read_model(folder / "model.xml")
+    model_xml = read_model(folder / "model.xml")
     trace = Trace.load(folder / "trace.npz")
     check_replayable(trace, str(folder / "trace.npz"))
     as_run.check_whole(folder / "problem.toml", trace.meta)
@@ -322,19 +322,6 @@ def load_run(folder: str | Path) -> SavedRun:
         read_world(model_xml)
         found.append("model.xml and the model in trace.npz are not the same text")
     return SavedRun(problem, plan, replace(trace, contradictions=tuple(found)))
-
-
-def _read_model(path: Path) -> str:
-    """Return the text of model.xml; RunFolderError where there is none."""
-    accepted = "the model.xml that `dexplan run` wrote beside trace.npz is needed"
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text"
-        raise RunFolderError(str(path), f"it cannot be read ({reason})", accepted) from error
-    if not text.strip():
-        raise RunFolderError(str(path), "it is empty", accepted)
-    return text
 
 
 def inspect(problem: Problem, folder: str | Path | None = None) -> str:

@@ -141,6 +141,19 @@ def drop_told(folder: Path) -> None:
             (folder / name).unlink()
 
 
+def read_model(path: Path) -> str:
+    """Return the text of model.xml; RunFolderError where there is none."""
+    accepted = "the model.xml that `dexplan run` wrote beside trace.npz is needed"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text"
+        raise RunFolderError(str(path), f"it cannot be read ({reason})", accepted) from error
+    if not text.strip():
+        raise RunFolderError(str(path), "it is empty", accepted)
+    return text
+
+
 def list_stills(folder: Path) -> tuple[Path, ...]:
     """Return the pictures of a run of ours in ``folder``, by number."""
     return tuple(sorted(path for path in folder.glob("frame_*.png") if is_ours(path)))
