@@ -4,7 +4,7 @@ import numpy as np
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.grasp.closure import check_force_closure, compute_load_margin
-from dexplan.grasp.force.problem import ForceLimits
+from dexplan.grasp.force.problem import ForceLimits, ForceProblem, ForceSettings
 from dexplan.grasp.force.solver import ForceSolver
 from dexplan.grasp.grasp import Grasp, compute_grasp_map, contact_on_sphere
 
@@ -29,7 +29,10 @@ for apart in (120.0, 130.0, 140.0, 180.0):
 
 grasp = hold(140.0)
 limits = ForceLimits(np.full(2, 4.0), np.full(2, 12.0))  # least and greatest normal forces [N]
-found = ForceSolver(grasp.models).solve(compute_grasp_map(grasp), lift, limits, [5.5, 5.5])
+settings = ForceSettings(grasp.models)
+found = ForceSolver(settings).solve(
+    ForceProblem(settings, compute_grasp_map(grasp), lift, limits, np.full(2, 5.5))
+)
 print(found.status)
 for forces in found.forces:
     print("t1 {:+.2f} N, t2 {:+.2f} N, n {:+.2f} N, torque {:+.4f} N m".format(*forces + 0.0))
