@@ -158,6 +158,8 @@ def rollout(
             "the plan does not say how fingers travel and how long its actions take, as plan.json of format 1 did not; "
             "plan again: `dexplan plan` and `dexplan run` write format 2"
         )
+    if world is not None:
+        check_world(problem, world)
     scene = build_scene(problem)
     true_scene = None if world is None else build_scene(world)
     trace = _rollout.rollout(

@@ -160,7 +160,12 @@ def test_run_without_a_plan_is_an_honest_no(tmp_path: Path, capsys: pytest.Captu
     assert last_line(capsys).startswith(
         "REFUSED start_inadmissible: the start contacts do not hold the object"
     )
-    assert {path.name for path in out.iterdir()} == {"problem.toml", "plan.json"}
+    assert {path.name for path in out.iterdir()} == {
+        "problem.toml",
+        "plan.json",
+        "refusal.png",
+        "report.html",
+    }
     plan = dx.Plan.load(out / "plan.json")
     assert not plan.is_solved
     assert plan.reason

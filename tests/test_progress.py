@@ -144,7 +144,7 @@ def test_a_run_says_where_its_files_are(
     pipeline: SimpleNamespace, capsys: pytest.CaptureFixture[str], cwd: Path
 ) -> None:
     assert main(["run", "hold_two"]) == 0
-    names = "problem.toml, plan.json, model.xml, trace.npz, report.json"
+    names = "problem.toml, plan.json, model.xml, trace.npz, report.json, report.html"
     assert f"written to runs/hold_two: {names}" in capsys.readouterr().out.splitlines()
     assert main(["validate", "runs/hold_two"]) == 0
-    assert "written to runs/hold_two: report.json" in capsys.readouterr().out.splitlines()
+    assert "written to runs/hold_two: report.json, report.html" in capsys.readouterr().out.splitlines()

@@ -106,6 +106,6 @@ def test_servos_have_torque_to_spare_at_125_hz() -> None:
     """With the finger speeds of 250 Hz they gave 0.93 of it on this way."""
     problem = load_problem("adjust_grasp", {"control.rate_hz": 125})
     plan = pipeline.plan(problem)
-    report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan), groups=["forces"])
+    report = pipeline.validate(problem, plan, pipeline.rollout(problem, plan), groups=["physics"])
     (check,) = (check for check in report.checks if check.name == "torque_utilisation_max")
     assert check.status == "pass", check

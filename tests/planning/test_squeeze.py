@@ -159,11 +159,13 @@ def test_plan_reference_and_controller_use_the_same_forces() -> None:
     reference = build_reference(plan)
     assert (reference.normal_force, reference.normal_floor) == (plan.normal_force, plan.normal_floor)
     controller = Controller(scene, reference, pipeline.build_options(problem))
-    limits = controller._forces._limit_forces((0, 1), (1.0, 1.0))
-    assert limits.normal_floor == pytest.approx([plan.normal_floor] * 2)
-    assert limits.normal_ceiling == pytest.approx([plan.normal_ceiling] * 2)
+    phase = reference.phases[0]
+    limits = controller._forces._demand(phase, 0.0).limits
+    assert limits.normal_floor == pytest.approx([plan.normal_floor] * len(phase.holding))
+    assert limits.normal_ceiling == pytest.approx([plan.normal_ceiling] * len(phase.holding))
     stubborn = Controller(scene, reference, pipeline.build_options(problem, normal_floor=0.1))
-    assert stubborn._forces._limit_forces((0, 1), (1.0, 1.0)).normal_floor == pytest.approx([0.1] * 2)
+    floor = stubborn._forces._demand(phase, 0.0).limits.normal_floor
+    assert floor == pytest.approx([0.1] * len(phase.holding))
 
 
 def test_plans_without_limits_are_read_as_they_were_made() -> None:
