@@ -276,11 +276,11 @@ def pick_legend(
         (goals > 0, "goal", "where a finger has to touch in the end"),
         (has_targets, "target", "where a free finger touches next"),
         (has_cones, "trail", "where the ball has been touched"),
-        (has_targets, "moving", "this finger moves"),
+        (has_targets, "moving", "this finger lands, takes load or leaves"),
     ]
     return tuple((kind, words) for is_there, kind, words in entries if is_there)
 
 
 def count_actions(chapters: Sequence[Chapter], action: int) -> str:
-    """Return ``6 of 24``; nothing where there is no such action."""
-    return f"{action + 1} of {len(chapters)}" if 0 <= action < len(chapters) else ""
+    """Return ``6 of 24:``; nothing where there is no such action."""
+    return f"{action + 1} of {len(chapters)}:" if 0 <= action < len(chapters) else ""

@@ -122,7 +122,7 @@ def test_words_of_any_length_stay_within_the_header() -> None:
     sketch = Sketch(1280, 720)
     ground = None
     for words in ("", "finger 3 moves to its new place · finger 2 is near its limit " * 4):
-        draw_header(sketch, layout.header, layout.scale, "88 of 88", words, f"until {words}")
+        draw_header(sketch, layout.header, layout.scale, "88 of 88:", words, f"until {words}")
         room = sketch.pixels[: layout.header.height // 2, 1130:].copy()
         edge = sketch.pixels[: layout.header.height, 1276:].copy()
         if ground is not None:
