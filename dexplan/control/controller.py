@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.contact.surfaces.sphere import require_sphere
 from dexplan.control.ahead import Moment, ObjectAhead
 from dexplan.control.clock import PlanClock
 from dexplan.control.follow import PostureFollower
@@ -78,7 +77,6 @@ class Controller:
     """Follows a reference with a scene's hand.  Call :meth:`step` once per tick, in order."""
 
     def __init__(self, scene: Scene, reference: Reference, options: ControlOptions) -> None:
-        require_sphere(scene.object.surface, "the controller")
         self._scene, self._reference, self._options = scene, reference, options
         self._tick = options.tick
         self._clock = PlanClock(reference, [f.name for f in scene.fingers], options.tick)

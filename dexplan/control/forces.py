@@ -74,7 +74,10 @@ class ForceControl:
         self._friction = SoftFinger(options.sliding, options.torsional).scaled(CONE_SHARE)
         self._none, self._nothing = np.full((self._shape[0], 4), np.nan), read_only(np.zeros(self._shape))
         self._inertia = np.zeros((6, 6))
-        self._inertia[:3, :3], self._inertia[3:, 3:] = scene.object.mass * np.eye(3), scene.object.inertia
+        self._inertia[:3, :3], self._inertia[3:, 3:] = (
+            scene.object.mass * np.eye(3),
+            scene.object.mass_properties.inertia,
+        )
         self._normal_force = reference.normal_force
         self._floor, self._ceiling = (
             planned if asked is None else asked

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
-from dexplan.contact.surfaces.surface import AbstractSurface
+from dexplan.contact.bodies.body import ConvexBody
+from dexplan.contact.bodies.smooth import BallBody
+from dexplan.contact.surfaces.sphere import Sphere
+from dexplan.errors import DexplanError
 from dexplan.grasp.wrench import MassProperties
 from dexplan.spatial import Array, read_only
 
@@ -78,27 +81,40 @@ class ContactCone:
 
 @dataclass(frozen=True, eq=False)
 class ObjectDescription:
-    """The manipulated object: surface in its own frame, mass [kg], inertia (3, 3) about its centre [kg m^2], home pose.
+    """The manipulated object: its ``body``, a convex shape in the object's axes, mass and centre of mass, and home pose.
 
-    ``allowed_regions``: contacts may only be made where one of them says so; none means anywhere.
+    The object's frame O is the body's.  ``allowed_regions``: contacts may only be made where one of them says so; none means
+    anywhere.
     """
 
-    surface: AbstractSurface
-    mass: float
-    inertia: Array
+    body: ConvexBody
+    mass_properties: MassProperties
     X_WO_home: Array = field(repr=False)
     allowed_regions: tuple[ContactCone, ...] = ()
 
     __repr__ = brief_repr
 
     def __post_init__(self) -> None:
-        for name in ("inertia", "X_WO_home"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        object.__setattr__(self, "X_WO_home", read_only(self.X_WO_home))
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return self.mass_properties.mass
+
+    def weighing(self, mass: float) -> ObjectDescription:
+        """Return the same body of another density, its ``mass`` [kg] and inertia in proportion."""
+        own = self.mass_properties
+        return replace(self, mass_properties=MassProperties(mass, own.com, mass / own.mass * own.inertia))
 
     @cached_property
-    def mass_properties(self) -> MassProperties:
-        """Mass, centre of mass (the origin) and inertia."""
-        return MassProperties(self.mass, np.zeros(3), self.inertia)
+    def surface(self) -> Sphere:
+        """The surface of a ball, for what is derived for balls alone; raises DexplanError for any other body."""
+        if not isinstance(self.body, BallBody):
+            raise DexplanError(
+                f"asked of an object of kind {type(self.body).__name__} what holds on a ball alone; a BallBody is accepted"
+            )
+        return Sphere(self.body.radius)
 
     def allows(self, n_O: Array) -> NDArray[np.bool_]:
         """Return whether contacts with the outward normals ``n_O`` (..., 3) in object axes may be made (...)."""

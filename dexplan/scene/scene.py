@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
-from dexplan.contact.surfaces.shapes import Sphere
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.errors import DexplanError
+from dexplan.grasp.wrench import MassProperties
 from dexplan.kinematics.chain import (
     Chain,
     compute_hinge_positions,
@@ -103,19 +104,19 @@ def scene_from_xml(name: str, xml: str) -> Scene:
     ]
     object_joint = model.joint("object/free/")
     object_geom = model.geom("object/surface").id
-    surface = Sphere(_read_radius(model, "object/surface"))
+    body = BallBody(_read_radius(model, "object/surface"))
     object_body = int(model.geom_bodyid[object_geom])
     _check_object(model, object_geom, object_body)
     home = as_pose(model.qpos0[object_joint.qposadr[0] : object_joint.qposadr[0] + 7])
-    description = ObjectDescription(
-        surface, float(model.body_mass[object_body]), np.diag(model.body_inertia[object_body]), home
-    )
+    inertia = np.diag(model.body_inertia[object_body])
+    properties = MassProperties(float(model.body_mass[object_body]), np.zeros(3), inertia)
+    description = ObjectDescription(body, properties, home)
     joints = [_finger_joints(model, f) for f in finger_names]
     actuators = [
         [int(np.flatnonzero(model.actuator_trnid[:, 0] == j)[0]) for j in finger] for finger in joints
     ]
     fingers = [
-        _describe_finger(model, data, f, j, a, home, surface.radius)
+        _describe_finger(model, data, f, j, a, home, body.radius)
         for f, j, a in zip(finger_names, joints, actuators, strict=True)
     ]
     return Scene(

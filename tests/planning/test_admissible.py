@@ -69,7 +69,7 @@ def test_acceleration_costs_load(hand: HandModel) -> None:
 def test_load_agrees_with_the_closed_form_of_a_pair(hand: HandModel, mass: float, sliding: float) -> None:
     """Ceiling 12 N and full use of the cone; in between lies only what the inscribed polytope keeps back."""
     friction = SoftFinger(sliding, hand.friction.torsional)
-    heavy = relaxed(replace(hand, friction=friction, object=replace(hand.object, mass=mass)))
+    heavy = relaxed(replace(hand, friction=friction, object=hand.object.weighing(mass)))
     radius = float(np.linalg.norm(hand.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
     outcomes = set()
     for apart in np.arange(178.0, 126.0, -3.0):

@@ -177,7 +177,7 @@ def test_friction_and_weight_are_told_apart(hand: HandModel) -> None:
     assert refusal is not None
     assert refusal.kind is RefusalKind.NOT_CLOSED
     assert refusal.cure == Cure("raise the friction, or lower friction.safety", is_checked=True)
-    heavy = replace(hand, object=replace(hand.object, mass=3.0))
+    heavy = replace(hand, object=hand.object.weighing(3.0))
     refusal = refuse_every_pair(heavy, hand.object.X_WO_home, Admissibility(heavy))
     assert refusal is not None
     assert refusal.kind is RefusalKind.TOO_HEAVY

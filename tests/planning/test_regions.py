@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from dexplan.contact.bodies.edged import BoxBody
 from dexplan.errors import DexplanError
 from dexplan.grasp.closure import check_antipodal
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin
@@ -276,12 +277,10 @@ def test_a_finger_that_reaches_nothing_has_empty_regions(hand: HandModel, center
     assert not regions.closure[2].contains(spread_directions(50)).any()
 
 
-def test_only_spheres_so_far(hand: HandModel) -> None:
-    class Plate:
-        """Some other surface."""
-
-    with pytest.raises(DexplanError, match="surface is of kind Plate, and a Sphere is accepted"):
-        replace(hand, object=replace(hand.object, surface=Plate()))  # type: ignore[arg-type]
+def test_only_balls_so_far(hand: HandModel) -> None:
+    box = replace(hand.object, body=BoxBody(0.03, 0.03, 0.03))
+    with pytest.raises(DexplanError, match="of kind BoxBody what holds on a ball alone"):
+        compute_regions(replace(hand, object=box), hand.object.X_WO_home)
 
 
 def test_order_is_that_of_the_bases(hand: HandModel) -> None:

@@ -72,7 +72,7 @@ def as_points(hand: HandModel) -> HandModel:
         hand,
         probe=Bodiless(),
         limits=replace(hand.limits, clearance=-1.0),
-        object=replace(hand.object, mass=1e-6),
+        object=hand.object.weighing(1e-6),
         acceleration=1e-6,
     )
 

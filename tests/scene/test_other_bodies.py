@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from dexplan import pipeline
-from dexplan.contact.surfaces.ellipsoid import Ellipsoid
-from dexplan.contact.surfaces.flat import Cylinder
-from dexplan.control.controller import Controller
-from dexplan.control.reference import Reference
 from dexplan.errors import DexplanError
-from dexplan.plans.timing import Touchdown
-from dexplan.problems.read import load_problem
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.scene import Scene, scene_from_xml
@@ -62,19 +54,3 @@ def test_other_shapes_are_not_called_balls(name: str, kind: str, size: str) -> N
 def test_a_surface_beside_the_origin_is_refused() -> None:
     with pytest.raises(DexplanError, match=r"surface is \[0\.01, 0\.0, 0\.0\] m from the origin of its body"):
         scene_from_xml("other", with_geom("object/surface", pos="0.01 0 0"))
-
-
-@pytest.mark.parametrize(
-    "surface", [Ellipsoid((0.035, 0.03, 0.04)), Cylinder(0.035)], ids=["ellipsoid", "cylinder"]
-)
-def test_planner_and_controller_refuse_what_is_no_ball(scene: Scene, surface: Ellipsoid | Cylinder) -> None:
-    problem = load_problem("hold_three")
-    hand = pipeline.build_hand(problem, scene)
-    other = replace(scene.object, surface=surface)
-    accepted = f"of kind {type(surface).__name__}, and a Sphere is accepted"
-    with pytest.raises(DexplanError, match=f"planning takes .*{accepted}"):
-        replace(hand, object=other)
-    nothing = Reference((), (), 5.0, Touchdown())
-    options = pipeline.build_options(problem)
-    with pytest.raises(DexplanError, match=f"the controller takes .*{accepted}"):
-        Controller(replace(scene, object=other), nothing, options)

@@ -61,7 +61,7 @@ def test_object_description_is_the_models(scene: Scene) -> None:
     assert model.geom(scene.object_geom).name == "object/surface"
     assert scene.object.mass == model.body_mass[scene.object_body]
     assert scene.object.surface.radius == model.geom_size[scene.object_geom, 0]  # type: ignore[attr-defined]
-    assert np.allclose(np.diag(scene.object.inertia), model.body_inertia[scene.object_body])
+    assert np.allclose(np.diag(scene.object.mass_properties.inertia), model.body_inertia[scene.object_body])
     assert np.allclose(scene.object.X_WO_home, make_pose(np.eye(3), np.array(HOME_POSITION)))
 
 

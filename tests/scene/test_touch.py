@@ -180,7 +180,9 @@ def test_touches_move_the_object_as_newton_says(scene: Scene) -> None:
     forces = np.sum([_force_W(touches, i) for i in range(3)], axis=0)
     torques = np.sum([_torque_W(touches, i) for i in range(3)], axis=0)
     assert np.allclose(forces + push + weight, scene.object.mass * linear, atol=1e-9)
-    assert np.allclose(torques + twist, R_WO @ scene.object.inertia @ R_WO.T @ angular, atol=1e-10)
+    assert np.allclose(
+        torques + twist, R_WO @ scene.object.mass_properties.inertia @ R_WO.T @ angular, atol=1e-10
+    )
     # The push was such that shear and torsion are in play.
     assert np.abs(touches.force[:, :2]).max() > 0.05
     assert np.abs(touches.force[:, 3]).max() > 1e-5

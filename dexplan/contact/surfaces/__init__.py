@@ -3,7 +3,6 @@
 =============  ============================================================================
 ``surface``    ``AbstractSurface``: what a shape has to answer; ``ChartGeometry``: the answer
 ``shapes``     ``Sphere``, ``Plane``, ``Cylinder``, ``Ellipsoid``, and what tells them by name
-``sphere``     ``require_sphere`` for what is derived for spheres only
 =============  ============================================================================
 
 The outward normal of a ball of 35 mm, at latitude and longitude zero of its first chart, and its curvature [1/m]:

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from dexplan.contact.surfaces.polar_axes import CHART_COUNT, POLE_AXES, from_chart_axes, to_chart_axes
 from dexplan.contact.surfaces.surface import AbstractSurface, ChartGeometry, as_chart_points
-from dexplan.errors import DexplanError
 from dexplan.spatial import Array
 
 
@@ -75,17 +74,3 @@ class Sphere(AbstractSurface):
     def project(self, p_O: ArrayLike) -> Array:
         """Return the nearest points (..., 3) [m]; raises ValueError for the centre, which is as near to all."""
         return self.radial(p_O)
-
-
-def require_sphere(surface: AbstractSurface, who: str) -> Sphere:
-    """Return the surface of an object if it is a sphere; raises DexplanError, which names ``who`` asks, for any other.
-
-    On a sphere the point on the ray along a direction is also the contact with that outward normal, and the tip's centre lies on
-    the same ray.  Whoever relies on that asks here first.
-    """
-    if not isinstance(surface, Sphere):
-        raise DexplanError(
-            f"{who} takes the point in the direction of a normal for the contact with that normal, which holds on a ball alone; "
-            f"the object's surface is of kind {type(surface).__name__}, and a Sphere is accepted"
-        )
-    return surface

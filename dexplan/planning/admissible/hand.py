@@ -10,7 +10,6 @@ import numpy as np
 
 from dexplan.brief import brief_repr
 from dexplan.contact.friction import SoftFinger
-from dexplan.contact.surfaces.sphere import require_sphere
 from dexplan.kinematics.chain import compute_joint_margin
 from dexplan.kinematics.finger import FingerDescription
 from dexplan.kinematics.workspace import Workspace
@@ -67,9 +66,6 @@ class HandModel:
     """How far a tip may roll round, seen from where its contact set out: the paper's gamma [rad]."""
 
     __repr__ = brief_repr
-
-    def __post_init__(self) -> None:
-        require_sphere(self.object.surface, "planning")
 
     @cached_property
     def p_WF_home(self) -> Array:

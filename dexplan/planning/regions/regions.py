@@ -14,7 +14,6 @@ from functools import cached_property, reduce
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.contact.surfaces.shapes import Sphere
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.regions.contactable import ContactLimits, Toucher, compute_contactable
@@ -81,8 +80,6 @@ def compute_regions(
     Raises ValueError for an object that is not a sphere: on others the antipodal point of x is not -x, and attitude matters.
     """
     surface = hand.object.surface
-    if not isinstance(surface, Sphere):
-        raise ValueError(f"regions of a {type(surface).__name__} are not built yet; a Sphere is accepted")
     X_WO = make_pose(p=X_WO) if np.shape(X_WO) == (3,) else np.asarray(X_WO, dtype=np.float64)
     X_PO = X_WO if X_WP is None else invert_pose(np.asarray(X_WP)) @ X_WO
     limits = ContactLimits(hand.limits.joint_margin, hand.limits.dexterity)

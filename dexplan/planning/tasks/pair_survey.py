@@ -67,8 +67,7 @@ class PairSurvey:
         if self.without is Condition.FRICTION:
             hand = replace(hand, friction=SoftFinger(HIGH_FRICTION, hand.friction.torsional))
         elif self.without is Condition.WEIGHT:
-            ball = hand.object
-            hand = replace(hand, object=replace(ball, mass=LIGHT * ball.mass, inertia=LIGHT * ball.inertia))
+            hand = replace(hand, object=hand.object.weighing(LIGHT * hand.object.mass))
         if hand is not self.hand:
             self.hand, self.admissibility = hand, Admissibility(hand)
         self._center = self.X_WO[:3, 3]
