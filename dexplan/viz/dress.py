@@ -12,8 +12,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from dexplan.contact.bodies.body import ConvexBody
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.spatial import Array
+from dexplan.viz.body import SURFACE, read_body
+from dexplan.viz.coat import Coat, build_coat
 from dexplan.viz.palette import as_rgb, get_finger_color
 from dexplan.viz.skins import build_cube_directions, paint_object, paint_tip
 
@@ -25,6 +30,9 @@ GHOST_SHARE = 0.98
 FLOOR = (0.74, 0.76, 0.79, 1.0)
 FLOOR_SIZE = (3.0, 3.0, 0.05)
 """A plain floor [m]: a pattern on it takes a software renderer as long as all the rest."""
+COAT = "object/coat_seen"
+UNSEEN = 4
+"""The group of geoms that no film shows."""
 
 
 @dataclass(frozen=True)
@@ -63,25 +71,53 @@ def dress_model(xml: str, fingers: tuple[str, ...]) -> mujoco.MjModel:
     model does not have stay away.
     """
     spec = mujoco.MjSpec.from_string(xml)
+    body = read_body(mujoco.MjModel.from_xml_string(xml))
+    coat = _add_coat(spec, body)
     for k, finger in enumerate(fingers):
         _add_ghost(spec, finger, as_rgb(get_finger_color(k)))
         _add_parts(spec, finger, [part for part in PARTS if k == 0 or part.name not in ONCE])
     skins = [_add_skin(spec, finger) for finger in fingers]
     pattern = spec.texture("object/turning")
-    if pattern is not None:
+    is_painted = pattern is not None and coat is None
+    if is_painted:
         pattern.width = pattern.height = OBJECT_TEXELS
     floor = spec.geom("floor")
     if floor is not None:
         floor.material, floor.rgba, floor.size = "", FLOOR, FLOOR_SIZE
     model = spec.compile()
-    directions = build_cube_directions(OBJECT_TEXELS)
-    if pattern is not None:
-        _paint(model, "object/turning", paint_object(directions))
+    if is_painted:
+        _paint(model, "object/turning", paint_object(build_cube_directions(OBJECT_TEXELS)))
+    if coat is not None:
+        _paint(model, COAT, coat.picture)
     for k, (finger, skin) in enumerate(zip(fingers, skins, strict=True)):
         if skin:
             colors = paint_tip(_find_tip_normals(model, finger), as_rgb(get_finger_color(k)))
             _paint(model, skin, colors)
     return model
+
+
+def _add_coat(spec: mujoco.MjSpec, body: ConvexBody | None) -> Coat | None:
+    """Put a coat over an object that is no ball, in whose place it is seen; return it, None where there is none."""
+    if body is None or isinstance(body, BallBody):
+        return None
+    coat, surface = build_coat(body), spec.geom(SURFACE)
+    texture = spec.add_texture(name=COAT, type=mujoco.mjtTexture.mjTEXTURE_2D)
+    texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
+    texture.width = texture.height = len(coat.picture)
+    material = spec.add_material(name=COAT)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = COAT
+    material.specular, material.shininess = 0.2, 0.3
+    mesh = spec.add_mesh(name=COAT)
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    mesh.uservert, mesh.usernormal = coat.corners.ravel(), coat.normals.ravel()
+    mesh.usertexcoord = coat.places.ravel()
+    for faces in ("userface", "userfacenormal", "userfacetexcoord"):
+        setattr(mesh, faces, coat.triangles.ravel())
+    geom = surface.parent.add_geom()
+    geom.name, geom.type, geom.meshname, geom.material = COAT, mujoco.mjtGeom.mjGEOM_MESH, COAT, COAT
+    _make_unreal(geom)
+    surface.group = UNSEEN
+    return coat
 
 
 def _add_parts(spec: mujoco.MjSpec, finger: str, parts: Sequence[Part]) -> None:
@@ -147,7 +183,7 @@ def _find_tip_normals(model: mujoco.MjModel, finger: str) -> Array:
     return normals
 
 
-def _paint(model: mujoco.MjModel, texture: str, colors: Array) -> None:
+def _paint(model: mujoco.MjModel, texture: str, colors: Array | NDArray[np.uint8]) -> None:
     k = model.texture(texture).id
     start, count = int(model.tex_adr[k]), colors.size
     model.tex_data[start : start + count] = colors.round().clip(0, 255).astype(np.uint8).ravel()

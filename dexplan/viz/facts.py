@@ -22,7 +22,7 @@ MEMORY = 0.2
 TRAIL_STEP = 0.04
 """Contact trails have a point at least every so many seconds."""
 AT_GOAL = np.radians(3.0)
-"""A finger is said to be at its goal contact when its contact is within this angle of it on the object [rad]."""
+"""A finger is said to be at its goal contact within this share of the goal's distance from the object's centre: 3° on a ball."""
 _COLUMNS = ("contact_active", "contact_point_O", "contact_rotation_O", "contact_force")
 
 
@@ -141,9 +141,8 @@ def _find_at_goal(points: Array, active: NDArray[np.bool_], story: Story) -> NDA
         if goal is None:
             is_at_goal[:, finger] = ~active[:, finger]
             continue
-        norms = np.linalg.norm(points[:, finger], axis=1) * np.linalg.norm(goal)
-        cosine = np.where(active[:, finger], points[:, finger] @ goal / norms, -1.0)
-        is_at_goal[:, finger] = cosine > np.cos(AT_GOAL)
+        off = np.linalg.norm(points[:, finger] - goal, axis=1)
+        is_at_goal[:, finger] = active[:, finger] & (off < AT_GOAL * np.linalg.norm(goal))
     return is_at_goal
 
 

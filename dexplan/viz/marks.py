@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.sim.trace import Trace
-from dexplan.spatial import Array, rotate_about
+from dexplan.spatial import Array
 from dexplan.viz.facts import Episode, Facts
 from dexplan.viz.palette import INK, as_rgb, get_finger_color, get_share_color
+from dexplan.viz.pattern import trace_arrow
 from dexplan.viz.sketch import Sketch, find_hull
 from dexplan.viz.stage import Projection, Stage
 from dexplan.viz.story import Story
@@ -35,8 +36,6 @@ TARGET_RADIUS = 0.007
 """Of the ring where a free finger is going to touch [m]."""
 GHOST_COLOR, GHOST_RAISED, GHOST_WIDTH = "#4F6BAE", 0.0035, 5.0
 """Of the ghost of the goal's attitude: its colour, how far it floats above the object [m], its width [pixels]."""
-GHOST_SPAN = np.radians(86.0), np.radians(-14.0)
-"""Elevations between which the ghost shows the object's arrow."""
 RING = np.linspace(0.0, 2.0 * np.pi, 25)
 BADGE = 11.0
 """Radius of a finger's number [pixels]; of a finger that moves it has a ring."""
@@ -51,7 +50,7 @@ def add_trails(stage: Stage, facts: Facts, bodies: tuple[int, ...], time: float)
             continue
         latest[episode.finger] = episode
         points = episode.point_O[: max(1, np.searchsorted(episode.times, time, side="right"))]
-        lifted = points * (1.0 + RAISED / np.linalg.norm(points, axis=1, keepdims=True))
+        lifted = points if stage.body is None else points + RAISED * stage.body.normal_at(points)
         lifted_W = lifted @ X_WO[:3, :3].T + X_WO[:3, 3]
         color = get_finger_color(episode.finger)
         stage.add_ball(lifted_W[0], DOT_RADIUS, color)
@@ -68,7 +67,7 @@ def add_trails(stage: Stage, facts: Facts, bodies: tuple[int, ...], time: float)
 
 def add_goals(stage: Stage, story: Story, pose_first: Array) -> None:
     """Add a dark knob on the object for every goal contact, and the ghost of the object's arrow at the goal's attitude."""
-    X_WO, radius = stage.find_object(), stage.object_radius
+    X_WO = stage.find_object()
     for finger, point in enumerate(story.goal_points):
         if point is not None:
             shade = as_rgb(get_finger_color(finger)) * GOAL_SHADE
@@ -76,16 +75,9 @@ def add_goals(stage: Stage, story: Story, pose_first: Array) -> None:
             stage.add_ball(X_WO[:3, :3] @ point + X_WO[:3, 3], GOAL_RADIUS, color)
     if story.X_WO_goal is None or not _is_moved(story, pose_first):
         return
-    elevations = np.linspace(GHOST_SPAN[0], GHOST_SPAN[1], 14)
-    reach = radius + GHOST_RAISED
-    arc = reach * np.stack([np.cos(elevations), 0.0 * elevations, np.sin(elevations)], axis=1)
     R, p = story.X_WO_goal[:3, :3], story.X_WO_goal[:3, 3]
-    stage.add_line(arc @ R.T + p, GHOST_WIDTH, GHOST_COLOR)
-    for side in (-1.0, 1.0):
-        wing = arc[-1] @ rotate_about([0.0, 0.0, 1.0], side * np.radians(14.0)).T
-        wing[2] += reach * np.sin(np.radians(16.0))
-        wing *= reach / np.linalg.norm(wing)
-        stage.add_line(np.stack([arc[-1], wing]) @ R.T + p, GHOST_WIDTH, GHOST_COLOR)
+    for line in () if stage.body is None else trace_arrow(stage.body, GHOST_RAISED):
+        stage.add_line(line @ R.T + p, GHOST_WIDTH, GHOST_COLOR)
 
 
 def add_targets(stage: Stage, facts: Facts, active: NDArray[np.bool_], time: float) -> None:

@@ -7,6 +7,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.contact.bodies.names import name_body
 from dexplan.plans.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
@@ -126,7 +127,7 @@ class Painter:
         goals = sum(point is not None for point in self._story.goal_points)
         has_ghost = self._story.X_WO_goal is not None and abs(self._story.turn or 0.0) > np.radians(0.5)
         later = any(episode.start > self._trace["time"][0] for episode in self._facts.episodes)
-        return panels.pick_legend(self._has_contacts, has_ghost, later, goals)
+        return panels.pick_legend(self._has_contacts, has_ghost, later, goals, name_body(self._stage.body))
 
     def _note_progress(self, sample: int) -> list[str]:
         """Return what is said of the goal besides its turn."""

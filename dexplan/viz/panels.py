@@ -267,15 +267,15 @@ def _draw_symbol(sketch: Sketch, kind: str, x: float, y: float, size: float) -> 
 
 
 def pick_legend(
-    has_cones: bool, has_ghost: bool, has_targets: bool, goals: int
+    has_cones: bool, has_ghost: bool, has_targets: bool, goals: int, thing: str
 ) -> tuple[tuple[str, str], ...]:
-    """Return the entries of a legend for what a film shows."""
+    """Return the entries of a legend for what a film shows; ``thing`` is what the object is called."""
     entries = [
         (has_cones, "cone", "cone: forces that friction holds; arrow: the force"),
-        (has_ghost, "ghost", "where the arrow on the ball has to end"),
+        (has_ghost, "ghost", f"where the arrow on the {thing} has to end"),
         (goals > 0, "goal", "where a finger has to touch in the end"),
         (has_targets, "target", "where a free finger touches next"),
-        (has_cones, "trail", "where the ball has been touched"),
+        (has_cones, "trail", f"where the {thing} has been touched"),
         (has_targets, "moving", "this finger lands, takes load or leaves"),
     ]
     return tuple((kind, words) for is_there, kind, words in entries if is_there)

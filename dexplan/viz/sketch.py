@@ -96,7 +96,7 @@ class Sketch:
         width = measure_text(text, size, is_bold)
         start = x - {"left": 0.0, "right": width, "center": 0.5 * width}[side]
         for part in _split_numbers(text):
-            self._stamp(start, y, _paint_text(part, size, is_bold), color)
+            self._stamp(start, y, paint_text(part, size, is_bold), color)
             start += measure_text(part, size, is_bold)
         return width
 
@@ -163,7 +163,7 @@ def _measure(text: str, size: float, is_bold: bool) -> float:
 
 
 @lru_cache(maxsize=512)
-def _paint_text(text: str, size: float, is_bold: bool) -> NDArray[np.float32]:
+def paint_text(text: str, size: float, is_bold: bool) -> NDArray[np.float32]:
     """Return how much a line covers each pixel (h, w) [0 .. 1], ``PAD`` pixels wider on each side than it is."""
     height, width = 2 * round(0.9 * size), round(_measure(text, size, is_bold)) + 2 * PAD
     renderer = RendererAgg(width, height, 72)

@@ -10,13 +10,16 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dexplan.contact.bodies.body import ConvexBody
 from dexplan.errors import UnknownNameError
 from dexplan.spatial import Array, make_pose
+from dexplan.viz.body import SURFACE, read_body
 from dexplan.viz.film import CLOSE_UP, Quality
 from dexplan.viz.palette import as_rgb
+from dexplan.viz.pattern import measure_slenderness
 
-SIGHT = 2.3
-"""The close-up shows so many radii of the object above and below its centre."""
+SIGHT = 1.3
+"""The close-up shows all of the object and, above and below it, so much of how far its nearest side is from its centre."""
 CLOSE_FOV = 45.0
 """Of a free camera, MuJoCo's default [deg]."""
 CLOSE_ELEVATION, CLOSE_AZIMUTH = -58.0, -60.0
@@ -75,7 +78,8 @@ class Stage:
         model.vis.quality.offsamples, model.vis.quality.shadowsize = quality.samples, quality.shadow
         self._data = mujoco.MjData(model)
         self._object = int(model.jnt_bodyid[model.joint("object/free/").id])
-        self.object_radius = float(model.geom_rbound[model.geom("object/surface").id])
+        self.body = read_body(model)
+        self._reach = _measure_reach(model, self.body)
         self._stand = choose_azimuth(model, self._object)
         self._option = mujoco.MjvOption()
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + MOST_MARKS)
@@ -160,7 +164,7 @@ class Stage:
             camera.fixedcamid = self.model.camera(view.camera).id
             return camera
         camera.lookat[:] = self._data.xpos[self._object]
-        reach = SIGHT * self.object_radius * max(1.0, view.height / view.width)
+        reach = self._reach * max(1.0, view.height / view.width)
         camera.distance = reach / np.tan(0.5 * np.radians(CLOSE_FOV))
         # MuJoCo names the direction in which a camera looks, not where it stands.
         camera.azimuth, camera.elevation = self._stand - 180.0, CLOSE_ELEVATION
@@ -174,6 +178,13 @@ class Stage:
         middle = np.array([view.left + 0.5 * view.width, view.top + 0.5 * view.height])
         eye = 0.5 * (np.array(left.pos) + np.array(right.pos))
         return Projection(eye, axes, view.height / slope, middle)
+
+
+def _measure_reach(model: mujoco.MjModel, body: ConvexBody | None) -> float:
+    """Return how far [m] from the object's centre the close-up sees."""
+    if body is None:
+        return (1.0 + SIGHT) * float(model.geom_rbound[model.geom(SURFACE).id])
+    return body.bound + SIGHT * measure_slenderness(body)
 
 
 def choose_azimuth(model: mujoco.MjModel, thing: int) -> float:

@@ -6,6 +6,7 @@
 ``edged``       ``BoxBody``, ``CylinderBody`` with a sharp or a rounded rim
 ``polyhedron``  ``PolyhedronBody``: the hull of points, for prisms and meshes
 ``sites``       ``build_sites``: even samples of the surface, away from edges
+``names``       ``name_body``, ``name_flats``: what a body and its faces are called
 ==============  ============================================================================
 
 A tip of 12 mm beside a cube of 60 mm, its centre 42 mm from the cube's, touches the middle of a face:
@@ -17,4 +18,4 @@ A tip of 12 mm beside a cube of 60 mm, its centre 42 mm from the cube's, touches
 ([0.03, 0.0, 0.0], [1.0, 0.0, 0.0], 0.012)
 """
 
-__all__ = ["body", "edged", "polyhedron", "sites", "smooth"]
+__all__ = ["body", "edged", "names", "polyhedron", "sites", "smooth"]

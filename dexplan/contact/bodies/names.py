@@ -1,0 +1,30 @@
+"""What a body and its faces are called, in words that people read: one place, so that every page says the same."""
+
+from __future__ import annotations
+
+from string import ascii_uppercase
+
+from dexplan.contact.bodies.body import ConvexBody
+from dexplan.contact.bodies.edged import BoxBody, CylinderBody
+from dexplan.contact.bodies.polyhedron import PolyhedronBody
+from dexplan.contact.bodies.smooth import BallBody, CapsuleBody, EllipsoidBody
+
+_NAMES: tuple[tuple[type[ConvexBody], str], ...] = (
+    (BallBody, "ball"),
+    (EllipsoidBody, "ellipsoid"),
+    (CapsuleBody, "capsule"),
+    (CylinderBody, "cylinder"),
+    (BoxBody, "box"),
+    (PolyhedronBody, "polyhedron"),
+)
+
+
+def name_body(body: ConvexBody | None) -> str:
+    """Return what a body is called: ``ball``, ``box``; ``object`` for one of unknown shape."""
+    return next((name for kind, name in _NAMES if isinstance(body, kind)), "object")
+
+
+def name_flats(body: ConvexBody) -> tuple[str, ...]:
+    """Return the letters of a body's plane parts, in the order of ``body.flats``; of more than the alphabet has, none."""
+    count = len(body.flats)
+    return tuple(ascii_uppercase[:count]) if count <= len(ascii_uppercase) else ("",) * count
