@@ -252,7 +252,8 @@ def _write_headings(figure: Figure, hand: HandModel, reach: SiteReach) -> None:
     words = (
         f"Load per pair: the {1e3 * hand.object.mass:.0f} g {thing} held by two fingers, believed friction "
     )
-    words += f"{friction.sliding:.2f} and {1e3 * friction.torsional:.1f} mm.\nTwo contacts hold alone where the line between them is within "
+    words += f"{friction.sliding:.2f} and {1e3 * friction.torsional:.1f} mm.\n"
+    words += "Two contacts hold alone where the line between them is within "
     words += f"{math.degrees(reach.lean_max):.1f}° of both normals; planning keeps to {math.degrees(reach.lean_kept):.1f}°."
     write(words, height - LOADS + 0.30, 10.5, linespacing=1.4)
     marks = [

@@ -60,7 +60,6 @@ def test_a_ball_seen_as_any_body_agrees_with_its_closed_forms(monkeypatch: pytes
             assert (held & ~inside).sum() <= 3
             assert (inside & ~held).mean() < 0.06
         assert pair.is_admissible.any()
-        assert (pair.lean[pair.is_admissible] < sites.lean_max).all()
     assert 2.0 * sites.lean_max == pytest.approx(np.pi - known.phi_min)
 
 
@@ -82,14 +81,17 @@ def test_a_box_is_held_across_opposite_faces() -> None:
 
 @pytest.mark.usefixtures("_without_loads")
 @pytest.mark.parametrize("kind", ["box", "cylinder", "polyhedron"])
-def test_text_and_picture_name_the_body_and_show_every_finger(kind: str, tmp_path: Path) -> None:
-    hand = hold(BODIES[kind])
-    text = describe_reach(hand)
+def test_text_names_the_body_and_its_faces(kind: str) -> None:
+    text = describe_reach(hold(BODIES[kind]))
     assert f"on the {kind}" in text
     assert "ball" not in text
     assert "equator" not in text
     assert ("by face: A" in text) == (kind != "polyhedron")
-    pixels = imread(draw_reach(hand, tmp_path / "inspect.png"))[..., :3]
+
+
+@pytest.mark.usefixtures("_without_loads")
+def test_picture_shows_every_finger(tmp_path: Path) -> None:
+    pixels = imread(draw_reach(hold(BODIES["box"]), tmp_path / "inspect.png"))[..., :3]
     for finger in range(3):
         share = (np.abs(pixels - as_rgb(get_finger_color(finger))).max(axis=-1) < 0.02).mean()
         assert share > 0.002
