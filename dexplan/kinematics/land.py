@@ -80,7 +80,7 @@ def land(carrier: Carrier, points_W: Array, normals_W: Array, near: Array | None
         seeds = np.concatenate([seeds, np.broadcast_to(near, (count, *np.shape(near)))], axis=1)
     tried = seeds.shape[1]
     site = np.repeat(np.arange(count), tried)
-    q, reached = _solve(chain, seeds.reshape(-1, chain.n_joints), centers[site], -normals_W[site])
+    q, reached = reach_centers(chain, seeds.reshape(-1, chain.n_joints), centers[site], -normals_W[site])
     q = wrap_to_limits(chain, q)
     pole = compute_tip_pose(chain, q)[:, :3, 2]
     lean = np.arccos(np.clip(-np.sum(pole * normals_W[site], axis=1), -1.0, 1.0))
@@ -106,8 +106,12 @@ def _sample(chain: Chain) -> tuple[Array, Array]:
     return read_only(q), read_only(compute_tip_pose(chain, q)[:, :3, 3])
 
 
-def _solve(chain: Chain, q: Array, centers: Array, poles: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return postures (N, J) with tips at ``centers`` (N, 3), their poles as near to ``poles`` (N, 3) as can be, and whether."""
+def reach_centers(chain: Chain, q: Array, centers: Array, poles: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return postures (N, J) [rad] with the tips' centres at ``centers`` (N, 3) [m], and which of them were reached (N,).
+
+    Joints beyond the third turn the poles as near to ``poles`` (N, 3) as can be.  Newton steps from ``q`` (N, J); joint limits
+    are not looked at.
+    """
     q = np.array(q)
     for _ in range(STEPS):
         X = compute_tip_pose(chain, q)

@@ -13,16 +13,17 @@ from typing import Any
 
 from dexplan.errors import UnknownNameError
 from dexplan.scene.description import SceneParameters
+from dexplan.scene.finger_models import FINGER_MODELS, SIX_HINGES
 
 with warnings.catch_warnings():
     # dm_control looks for a window system on import and warns where there is none; nothing here needs one.
     warnings.simplefilter("ignore")
     from dm_control import mjcf
 
-HOME_POSITION = (0.0, 0.0, 0.16)
-"""Centre of the object at home, in the world [m]."""
-BASE_DISTANCE = 0.18
-BASE_HEIGHT = 0.21
+_USUAL = FINGER_MODELS[SIX_HINGES]
+HOME_POSITION = (0.0, 0.0, _USUAL.object_height)
+"""Centre of the object at home, in the world, among fingers of the usual kind [m]."""
+BASE_DISTANCE, BASE_HEIGHT = _USUAL.base_distance, _USUAL.base_height
 
 PROFILES = {
     # The most faithful contact MuJoCo offers for fingertips.  The last pass without the cone's softness is run to convergence:
@@ -37,41 +38,49 @@ PROFILES = {
 def build_model_xml(parameters: SceneParameters) -> str:
     """Return the MJCF text of the scene with ``parameters``; needs no other file.
 
-    Raises UnknownNameError for an unknown physics profile.
+    Raises UnknownNameError for an unknown physics profile or kind of finger.
     """
     if parameters.physics_profile not in PROFILES:
         raise UnknownNameError("physics profile", parameters.physics_profile, PROFILES)
+    if parameters.finger not in FINGER_MODELS:
+        raise UnknownNameError("finger", parameters.finger, FINGER_MODELS)
+    kind = FINGER_MODELS[parameters.finger]
     root = _load("arena", parameters)
     root.model = parameters.scene
     ranges = {name: (lower, upper) for name, lower, upper in parameters.joint_ranges_deg}
     bases = zip(parameters.base_azimuths_deg, parameters.tip_radii, strict=True)
     for k, (azimuth, radius) in enumerate(bases, start=1):
-        finger = _load("finger", parameters)
+        finger = _load(kind.part, parameters)
         finger.model = f"finger_{k}"
         finger.find("geom", "tip").size = [radius]
-        finger.find("mesh", "hemisphere").scale = [radius] * 3
+        if (seen := finger.find("mesh", "hemisphere")) is not None:
+            seen.scale = [radius] * 3
         for joint in finger.find_all("joint"):
             if (key := f"finger_{k}.{joint.name}") in ranges:
                 joint.range = [math.radians(limit) for limit in ranges.pop(key)]
-        yaw = math.radians(azimuth)
+        yaw, turn = math.radians(azimuth), math.radians(azimuth + kind.turn_deg)
         mount = root.worldbody.add(
             "site",
             name=f"mount_{k}",
-            pos=[BASE_DISTANCE * math.cos(yaw), BASE_DISTANCE * math.sin(yaw), BASE_HEIGHT],
-            quat=[math.cos((yaw + math.pi) / 2), 0.0, 0.0, math.sin((yaw + math.pi) / 2)],
+            pos=[kind.base_distance * math.cos(yaw), kind.base_distance * math.sin(yaw), kind.base_height],
+            quat=[math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2)],
             size=[0.002],
             group=4,
         )
         mount.attach(finger)
     if ranges:
         known = (
-            f"finger_{k}.joint_{j}" for k in range(1, len(parameters.tip_radii) + 1) for j in range(1, 7)
+            f"finger_{k}.joint_{j}"
+            for k in range(1, len(parameters.tip_radii) + 1)
+            for j in range(1, kind.n_joints + 1)
         )
         raise UnknownNameError("joint", next(iter(ranges)), known)
     ball = _load("ball", parameters)
     ball.find("geom", "surface").size = [parameters.object_radius]
     ball.find("geom", "surface").mass = parameters.object_mass
-    home = root.worldbody.add("site", name="object_home", pos=HOME_POSITION, size=[0.002], group=4)
+    home = root.worldbody.add(
+        "site", name="object_home", pos=[0.0, 0.0, kind.object_height], size=[0.002], group=4
+    )
     home.attach(ball).add("freejoint", name="free")
     # Last, because attaching a part brings its own options along.
     for option, value in PROFILES[parameters.physics_profile].items():

@@ -14,6 +14,7 @@ from dexplan.contact.bodies.smooth import BallBody
 from dexplan.contact.surfaces.sphere import Sphere
 from dexplan.errors import DexplanError
 from dexplan.grasp.wrench import MassProperties
+from dexplan.scene.finger_models import SIX_HINGES
 from dexplan.spatial import Array, read_only
 
 OBJECT, STANDING = -1, -2
@@ -58,6 +59,7 @@ class SceneParameters:
     torsional_friction: float = 0.0025
     physics_profile: str = "firm"
     obstacles: tuple[Obstacle, ...] = ()
+    finger: str = SIX_HINGES
 
     __repr__ = brief_repr
 

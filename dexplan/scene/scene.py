@@ -26,6 +26,7 @@ from dexplan.kinematics.chain import (
     wrap_to_limits,
 )
 from dexplan.kinematics.finger import FingerDescription
+from dexplan.kinematics.land import reach_centers
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import ObjectDescription, SceneParameters
 from dexplan.spatial import Array, as_pose, build_frame, invert_pose, lock_arrays, make_pose, rotate_about
@@ -36,6 +37,7 @@ HOME_CLEARANCE = 0.002
 """Distance [m] that a finger at home keeps to itself and the object, where it can."""
 PARKING, LOOKED_AT = 4096, 64
 """Postures drawn for a finger that can point at the object from nowhere; so many of the best are asked whether they are clear."""
+_FREE = 6  # joints that a tip takes to have any pose
 WAITING = tuple(
     sorted(
         product((0.025, 0.012, 0.045, 0.07), (0.0, 25.0, -25.0, 50.0, -50.0), (0.0, 25.0, -25.0, 50.0, 75.0)),
@@ -221,6 +223,10 @@ def _solve_home(
     first of the ``WAITING`` places where it can; one that can point at it from nowhere is parked.
     """
     reach, outward = object_radius + tip_radius, np.array([*(base - center)[:2], 0.0])
+    if np.linalg.norm(outward) < tip_radius:
+        # A base over the object: the finger's own side is where its tip is in the middle of its range.
+        middle = compute_tip_pose(chain, 0.5 * (chain.lower + chain.upper))[:3, 3]
+        outward = np.array([*(middle - center)[:2], 0.0])
     outward /= np.linalg.norm(outward)
     (home,) = _aim(chain, center, reach + HOME_GAP, outward[None], 256, 60)
     if home is not None and is_clear(home):
@@ -239,7 +245,8 @@ def _solve_home(
 def _aim(
     chain: Chain, center: Array, distance: float | Array, directions: Array, count: int, iterations: int
 ) -> list[Array | None]:
-    """Return postures with the tip ``distance`` [m] from the object's centre along ``directions`` (N, 3), pointing at it.
+    """Return postures with the tip ``distance`` [m] from the object's centre along ``directions`` (N, 3), pointing at it, or as
+    near to that as fewer than six joints allow.
 
     None where there is none.  Of the answers that Newton's method finds from a fixed set of ``count`` starts, the one deepest
     inside the joint limits; spin about the pole is put to the middle of its range where the last hinge is that spin.
@@ -247,9 +254,11 @@ def _aim(
     X_WF = np.stack([make_pose(build_frame(-d)) for d in directions])
     X_WF[:, :3, 3] = center + np.reshape(distance, (-1, 1)) * directions
     starts = np.random.default_rng(0).uniform(chain.lower, chain.upper, (count, chain.n_joints))
-    q, reached = solve_ik(
-        chain, np.repeat(X_WF, count, axis=0), np.tile(starts, (len(X_WF), 1)), iterations=iterations
-    )
+    aims, starts = np.repeat(X_WF, count, axis=0), np.tile(starts, (len(X_WF), 1))
+    if chain.n_joints < _FREE:
+        q, reached = reach_centers(chain, starts, aims[:, :3, 3], aims[:, :3, 2])
+    else:
+        q, reached = solve_ik(chain, aims, starts, iterations=iterations)
     q = wrap_to_limits(chain, q)
     if chain.has_tip_roll:
         q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
