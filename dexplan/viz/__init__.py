@@ -10,7 +10,6 @@
 ``summary_panels``  the panels of the summary; ``describe_briefly``: an action in two or three words
 ``check_words``     what each check is called and means, for readers
 ``maps``            ``describe_reach``, ``draw_reach``: what a hand can do around its object
-``coat``            ``build_coat``: faces, letters and the arrow on an object that is no ball
 ``frames``          ``draw_run_frames``: rows of numbered frames like the paper's figures
 ``timeline``        what pictures say about a run: who holds when, how far the object has turned
 ``palette``         colours that mean the same in every picture
