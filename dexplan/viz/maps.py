@@ -3,7 +3,7 @@
 The maps are the paper's regions on the object's surface: where finger i can touch (CWS_i), where a partner of its contacts
 would have to be (FC_i), where it can hold with one partner (CWS_i_j) and with either of two (CWS_i_jk, the double
 force-closure region).  Whether a force-closed pair also carries *this* object with *these* joints is another question; its
-answers stand below, pair by pair.
+answers stand below, pair by pair.  These maps are a ball's; around any other body sites take their place (``site_maps``).
 """
 
 from __future__ import annotations
@@ -21,12 +21,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.spherical import SphericalRegion
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 from dexplan.viz.canvas import write_picture
 from dexplan.viz.palette import ALARM, INK, as_rgb, get_finger_color
 from dexplan.viz.reach import BELOW_DEG, PairLoads, Reach, compute_reach
+from dexplan.viz.site_maps import describe_site_reach, draw_site_reach
 
 PIXEL_DEG = 1.5
 HATCH, LOST = "#AAAAAA", "#DDDDDD"
@@ -38,6 +40,8 @@ HATCH, LOST = "#AAAAAA", "#DDDDDD"
 
 def describe_reach(hand: HandModel) -> str:
     """Return in words and numbers what ``hand`` reaches and carries, a line per finger and a line per pair."""
+    if not isinstance(hand.object.body, BallBody):
+        return describe_site_reach(hand)
     reach = compute_reach(hand)
     friction, limits = hand.friction, hand.limits
     lines = [
@@ -45,7 +49,7 @@ def describe_reach(hand: HandModel) -> str:
         f"two contacts are force closed from {math.degrees(reach.phi_min):.1f} deg apart",
         "",
         "reach with the tip's pole on the contact (joint margin "
-        f"{math.degrees(limits.joint_margin):.3g} deg, away from singular postures)",
+        f"{math.degrees(limits.joint_margin):.3g} deg, away from postures in which the finger cannot move every way)",
         "            of the surface   azimuth from its own   elevation           any orientation   double region",
     ]
     others = [[j for j in range(len(hand.fingers)) if j != i] for i in range(len(hand.fingers))]
@@ -110,6 +114,8 @@ def _wrap(angle_deg: Array) -> Array:
 
 def draw_reach(hand: HandModel, path: str | os.PathLike[str]) -> Path:
     """Write the maps of ``hand`` and its pair loads as a PNG, whole or not at all; return its path."""
+    if not isinstance(hand.object.body, BallBody):
+        return draw_site_reach(hand, path)
     reach, n = compute_reach(hand), len(hand.fingers)
     columns = _list_maps(n)
     n_columns = max(len(row) for row in columns)
@@ -257,7 +263,7 @@ def _write_headings(figure: Figure, hand: HandModel, reach: Reach, split: float)
         0.05,
         1.0 - 0.60 / height,
         "Regions on the object at home, azimuth across and elevation up, as shares of its surface.  "
-        "Holes: singular postures, joint limits.",
+        "Holes: joint limits, and postures in which the finger could not move every way.",
         fontsize=10.5,
         va="center",
     )
