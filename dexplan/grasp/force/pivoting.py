@@ -41,8 +41,8 @@ class PivotingContacts:
     """N contacts in one frame's axes.
 
     ``arms`` (N, 3) [m] from the origin of the wrench to the contact points, **outward** unit ``normals`` (N, 3); ``offsets``
-    (N, 3) [m] from the tips' centres to the points; ``jacobians`` (N, 6, J) of the tips' centres; ``pivots`` (N,) how fast each tip
-    turns about the outward normal against the object, 0 for one that does not: only signs count.
+    (N, 3) [m] from the tips' centres to the points; ``jacobians`` (N, 6, J) of the tips' centres; ``pivots`` (N,) how fast each
+    tip turns about the outward normal against the object, 0 for one that does not: only signs count.
     """
 
     arms: Array
