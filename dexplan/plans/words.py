@@ -10,7 +10,10 @@ from dexplan.plans.actions import Action, Hold, MoveObject, Relocate, Roll
 from dexplan.plans.contacts import Contacts, GoalContact
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.tip_roll import TipRoll
-from dexplan.spatial import angles_from_direction
+from dexplan.spatial import Array, angles_from_direction
+
+OFF_RADIAL = 1e-4
+"""A normal that passes the object's centre by more [m] does not say where its contact is."""
 
 
 def describe_goal_contacts(fingers: Sequence[str], contacts: Sequence[GoalContact | None]) -> str:
@@ -20,8 +23,7 @@ def describe_goal_contacts(fingers: Sequence[str], contacts: Sequence[GoalContac
         if contact is None:
             words.append(f"{name} free")
             continue
-        az, el = angles_from_direction(contact.normal_O)
-        words.append(f"{name} at azimuth {az:.1f}, elevation {el:.1f} deg")
+        words.append(f"{name} at {_spell_place(contact.point_O, contact.normal_O, contact.normal_O)}")
     return f"goal contacts (on the object): {'; '.join(words)}"
 
 
@@ -58,8 +60,21 @@ def _describe_place(action: Relocate, before: Contacts) -> str:
     placement = action.contacts_end[action.finger] or before[action.finger]
     if placement is None:
         return ""
-    az, el = angles_from_direction(action.X_WO_end[:3, :3] @ placement.normal_O)
-    return f" at azimuth {az:.1f}, elevation {el:.1f} deg (world)"
+    facing = action.X_WO_end[:3, :3] @ placement.normal_O
+    return f" at {_spell_place(placement.point_O, placement.normal_O, facing)} (world)"
+
+
+def _spell_place(point_O: Array, normal_O: Array, facing: Array) -> str:
+    """Return where a contact is: by the direction that the surface faces there, which says all on a ball.
+
+    Elsewhere contacts on one face share it, and the point on the object is named, too.
+    """
+    az, el = angles_from_direction(facing)
+    words = f"azimuth {az:.1f}, elevation {el:.1f} deg"
+    if np.linalg.norm(np.cross(point_O, normal_O)) < OFF_RADIAL:
+        return words
+    place = ", ".join(f"{1e3 * x + 0.0:.1f}" for x in point_O)
+    return f"({place}) mm of the object, which faces {words} there"
 
 
 def _describe_roll(fingers: Sequence[str], roll: TipRoll) -> str:

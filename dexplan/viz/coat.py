@@ -70,7 +70,7 @@ class Coat:
 def build_coat(body: ConvexBody) -> Coat:
     """Return the coat of a body that is no ball."""
     profiles = _list_profiles(body)
-    outlines = [_find_outline(body, k) for k in range(len(body.flats))]
+    outlines = [find_outline(body, k) for k in range(len(body.flats))]
     count = len(profiles) + len(outlines)
     columns = int(np.ceil(np.sqrt(count)))
     # Rows of pictures are read four bytes at a time.
@@ -112,7 +112,7 @@ def _list_texels(cell: int) -> tuple[Array, Array]:
 # -- faces -------------------------------------------------------------------------------------------------------------------
 
 
-def _find_outline(body: ConvexBody, k: int) -> Array:
+def find_outline(body: ConvexBody, k: int) -> Array:
     """Return the corners (V, 3) [m] of plane part ``k``, counterclockwise seen from outside."""
     flat = body.flats[k]
     axes = build_frame(flat.normal)

@@ -3,7 +3,7 @@
 The maps are the paper's regions on the object's surface: where finger i can touch (CWS_i), where a partner of its contacts
 would have to be (FC_i), where it can hold with one partner (CWS_i_j) and with either of two (CWS_i_jk, the double
 force-closure region).  Whether a force-closed pair also carries *this* object with *these* joints is another question; its
-answers stand below, pair by pair.
+answers stand below, pair by pair.  These maps are a ball's; around any other body sites take their place (``site_maps``).
 """
 
 from __future__ import annotations
@@ -21,12 +21,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.spherical import SphericalRegion
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 from dexplan.viz.canvas import write_picture
 from dexplan.viz.palette import ALARM, INK, as_rgb, get_finger_color
 from dexplan.viz.reach import BELOW_DEG, PairLoads, Reach, compute_reach
+from dexplan.viz.site_maps import describe_site_reach, draw_site_reach
 
 PIXEL_DEG = 1.5
 HATCH, LOST = "#AAAAAA", "#DDDDDD"
@@ -38,6 +40,8 @@ HATCH, LOST = "#AAAAAA", "#DDDDDD"
 
 def describe_reach(hand: HandModel) -> str:
     """Return in words and numbers what ``hand`` reaches and carries, a line per finger and a line per pair."""
+    if not isinstance(hand.object.body, BallBody):
+        return describe_site_reach(hand)
     reach = compute_reach(hand)
     friction, limits = hand.friction, hand.limits
     lines = [
@@ -110,6 +114,8 @@ def _wrap(angle_deg: Array) -> Array:
 
 def draw_reach(hand: HandModel, path: str | os.PathLike[str]) -> Path:
     """Write the maps of ``hand`` and its pair loads as a PNG, whole or not at all; return its path."""
+    if not isinstance(hand.object.body, BallBody):
+        return draw_site_reach(hand, path)
     reach, n = compute_reach(hand), len(hand.fingers)
     columns = _list_maps(n)
     n_columns = max(len(row) for row in columns)

@@ -24,6 +24,10 @@ CLOCK_ROOM = "99.9 s of 999 s, 2 x"
 SLIDES = 1.0
 """The share of friction at which a contact slides; gauges end a little behind it."""
 GAUGE_END = 1.1
+LIGHT = 0.9
+"""From this share on a finger that moves and presses little is said to touch lightly."""
+LIGHT_FORCE = 0.5
+"""It presses less than this share of what the firmest finger does."""
 
 
 def draw_header(sketch: Sketch, box: Box, scale: float, count: str, headline: str, why: str) -> None:
@@ -181,9 +185,13 @@ def draw_gauges(
             sketch.draw_text(x, y, "is moving" if k in movers else "free", small, QUIET)
             continue
         width = inner.width * min(float(share), GAUGE_END) / GAUGE_END
-        sketch.draw_box(inner.left, y - 0.24 * tall, width, 0.48 * tall, get_share_color(float(share)))
+        # A finger that lands or leaves holds nothing yet, or no longer: it is at its limit and no alarm.
+        is_light = k in movers and share > LIGHT and normal < LIGHT_FORCE * np.nanmax(normals)
+        color = QUIET if is_light else get_share_color(float(share))
+        sketch.draw_box(inner.left, y - 0.24 * tall, width, 0.48 * tall, color)
         sketch.draw_text(x + 2.9 * small, y, f"{100.0 * share:.0f} %", small, PALE, "right", is_bold=True)
-        sketch.draw_text(x + 3.6 * small, y, f"presses {normal:.1f} N", small, QUIET)
+        words = "light touch" if is_light else f"presses {normal:.1f} N"
+        sketch.draw_text(x + 3.6 * small, y, words, small, QUIET)
 
 
 def draw_dial(sketch: Sketch, box: Box, scale: float, turned: float, goal: float) -> None:
@@ -276,7 +284,7 @@ def pick_legend(
         (goals > 0, "goal", "where a finger has to touch in the end"),
         (has_targets, "target", "where a free finger touches next"),
         (has_cones, "trail", f"where the {thing} has been touched"),
-        (has_targets, "moving", "this finger lands, takes load or leaves"),
+        (has_targets, "moving", "this finger lands or leaves: it may slide, the others hold"),
     ]
     return tuple((kind, words) for is_there, kind, words in entries if is_there)
 

@@ -118,7 +118,7 @@ def draw_refusal(
         what = "the contacts asked for" if is_asked else "their widest reachable contacts"
         words = (
             "Two fingers hold alone where the line between their contacts lies inside both friction cones.\n"
-            f"Section through {what}, {last.name}, to scale; believed friction {hand.friction.sliding:.2f}"
+            f"Section through {what}, {last.name}, to scale; believed friction {hand.friction.sliding:.2f}: {sections[0].rule}"
         )
         figure.text(0.02, (top - 0.02) / height, words, fontsize=10.5, va="top", linespacing=1.5)
     _write_heading(figure, plan, reason, name)

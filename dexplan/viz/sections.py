@@ -42,13 +42,19 @@ class PairSection:
         """By how much each cone misses the other contact [rad]; negative where the cone hits the contact."""
         return 0.5 * (self.needed - self.angle)
 
+    @property
+    def rule(self) -> str:
+        """How far apart two contacts have to be, by friction alone and with the margin that planning keeps."""
+        needed, kept = np.degrees(self.needed), np.degrees(self.kept)
+        return f"cones meet from {needed:.0f}° apart, planning asks for {kept:.0f}° to keep a margin"
+
     def __str__(self) -> str:
         angle, needed, kept = (np.degrees(a) for a in (self.angle, self.needed, self.kept))
-        words = f"{angle:.0f}° apart, {needed:.0f}° needed"
+        words = f"{angle:.0f}° apart, {kept:.0f}° asked for"
         if self.angle < self.needed:
             return f"{words}:\neach cone misses the other contact by {np.degrees(self.missed):.1f}°"
         if self.angle < self.kept:
-            return f"{words},\n{kept:.0f}° with the margin that planning keeps"
+            return f"{words}:\nthe cones meet from {needed:.0f}° on, but without a margin"
         return f"{words}:\nthe cones meet"
 
 

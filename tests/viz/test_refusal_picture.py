@@ -63,7 +63,8 @@ def test_cones_miss_by_what_geometry_says(hand: HandModel) -> None:
     (section,) = find_sections(hand, regions, _ask(0.0, 110.0, None))
     assert section.fingers == (0, 1)
     assert np.degrees(section.missed) == pytest.approx(35.0 - np.degrees(np.arctan(MU)))
-    assert "110° apart, 134° needed" in str(section)
+    assert "110° apart, 138° asked for" in str(section)
+    assert section.rule == "cones meet from 134° apart, planning asks for 138° to keep a margin"
     assert "misses the other contact by 12.1°" in str(section)
     (opposite,) = find_sections(hand, regions, _ask(0.0, 180.0, None))
     assert opposite.missed < 0.0

@@ -11,10 +11,11 @@ from turning_run import LIFT, MOVE, PLACE, make_plan, make_trace
 from dexplan.errors import UnknownNameError
 from dexplan.plans.motion import ObjectMotion
 from dexplan.sim.trace import Trace
+from dexplan.viz import panels
 from dexplan.viz.dress import dress_model
 from dexplan.viz.facts import compute_facts
 from dexplan.viz.film import FilmOptionError, FilmOptions, parse_size
-from dexplan.viz.layout import lay_out
+from dexplan.viz.layout import Box, lay_out
 from dexplan.viz.panels import draw_header
 from dexplan.viz.sketch import ELLIPSIS, Sketch, measure_text
 from dexplan.viz.story import build_captions, describe_motion, read_captions, speak, speak_fingers, tell_story
@@ -185,3 +186,23 @@ def test_views_fill_the_room_between_header_and_footer(
     assert layout.header.height + layout.views[0].height + layout.strip.height == size[1]
     assert layout.strip.width + layout.gauges.width == size[0]
     assert lay_out(FilmOptions(size, cameras, is_told=False)).views[0].height == size[1]
+
+
+def test_a_finger_that_lands_is_no_alarm_at_its_friction_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A light touch slides whatever it does; one that moves and presses as firmly as the others is told as it is."""
+    words: list[str] = []
+
+    def note(self: Sketch, x: float, y: float, text: str, *given: object, **look: object) -> float:
+        words.append(text)
+        return 0.0
+
+    monkeypatch.setattr(Sketch, "draw_text", note)
+    box = Box(0, 0, 400, 120)
+    for normals, expected in (([0.2, 5.0], "light touch"), ([4.8, 5.0], "presses 4.8 N")):
+        words.clear()
+        panels.draw_gauges(Sketch(500, 120), box, 1.0, [0.99, 0.4], normals, movers=(0,))
+        assert expected in words
+        assert "presses 5.0 N" in words
+    words.clear()
+    panels.draw_gauges(Sketch(500, 120), box, 1.0, [0.99, 0.4], [0.2, 5.0], movers=())
+    assert "presses 0.2 N" in words
