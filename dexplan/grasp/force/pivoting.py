@@ -41,8 +41,9 @@ class PivotingContacts:
     """N contacts in one frame's axes.
 
     ``arms`` (N, 3) [m] from the origin of the wrench to the contact points, **outward** unit ``normals`` (N, 3); ``offsets``
-    (N, 3) [m] from the tips' centres to the points; ``jacobians`` (N, 6, J) of the tips' centres; ``pivots`` (N,) how fast each
-    tip turns about the outward normal against the object, 0 for one that does not: only signs count.
+    (N, 3) [m] from the tips' centres to the points; ``jacobians`` (N, 6, J) of the tips' centres; ``pivots`` (N,) says
+    which tips turn about the outward normal against the object, 1 where positively, -1 where negatively, 0 where not; between
+    them torsional friction is not quite overcome, as when a motion begins.
     """
 
     arms: Array
@@ -160,7 +161,7 @@ class PivotingSolver:
             maps[k, :, :3] = (J[:3] - skew(contacts.offsets[k]) @ J[3:]).T @ R
             maps[k, :, 3] = J[3:].T @ R[:, 2]
         # The tip's turn drags the object along: about the outward normal, against the contact frame's z.
-        torsion = -np.sign(contacts.pivots) * self.nominal.torsional * share
+        torsion = -contacts.pivots * self.nominal.torsional * share
         is_pivoting = contacts.pivots != 0.0
         columns[:, :, NORMAL] += torsion[:, None] * columns[:, :, 3]
         maps[:, :, NORMAL] += torsion[:, None] * maps[:, :, 3]

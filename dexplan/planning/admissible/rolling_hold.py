@@ -97,7 +97,7 @@ class RollingHold:
         if not steering.may_carry:
             return refuse(Refusal(RefusalKind.LEFT_TO_TORSION, names))
         pivots = np.where(np.abs(steering.pivots) > FOLLOWED, steering.pivots, 0.0)
-        found = self._solve(states, X_WO, pivots, q)
+        found = self._solve(states, X_WO, np.sign(pivots), q)
         if found is None:
             return refuse(Refusal(RefusalKind.LOAD))
         reach = np.stack([hand.fingers[f].torque_limit for f in holding])

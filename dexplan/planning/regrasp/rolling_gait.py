@@ -1,4 +1,4 @@
-"""A gait of fingers whose contacts roll: the object goes its way, and fingers that come to their end are put elsewhere meanwhile."""
+"""A gait of fingers whose contacts roll: the object goes its way, and fingers that come to their end are put elsewhere."""
 
 from __future__ import annotations
 
