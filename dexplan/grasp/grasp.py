@@ -130,18 +130,19 @@ def compute_hand_jacobian(
     return np.concatenate(rows)
 
 
-def map_contact(J: Array, arm: Array, offset: Array) -> tuple[Array, Array]:
+def map_contact(J: Array, arm: Array, offset: Array, normal: Array | None = None) -> tuple[Array, Array]:
     """Return what a soft contact's forces do to the object and to the finger, all in one frame's axes.
 
     Args:
         J: Jacobian (6, J) of the tip's centre.
-        arm: contact point from the object's origin (3,); the inward normal points back along it, as on a sphere.
+        arm: contact point from the object's origin (3,).
         offset: contact point from the tip's centre (3,).
+        normal: **outward** unit normal (3,) of the object at the contact; None on a ball, where it is the arm's direction.
 
     Returns:
         The contact's columns of the grasp map (6, 4), and the joint torques (J, 4) that exert each force component.
     """
-    R = build_frame(-arm / np.sqrt(arm.dot(arm)))
+    R = build_frame(-(arm / np.sqrt(arm.dot(arm)) if normal is None else normal))
     columns, torques = np.zeros((6, 4)), np.zeros((J.shape[1], 4))
     columns[:3, :3] = R
     columns[3:, :3] = skew(arm) @ R

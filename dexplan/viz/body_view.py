@@ -54,12 +54,12 @@ def look_from(azimuth_deg: float, R_WO: Array, elevation_deg: float = ELEVATION)
     return Sight(np.stack([right, np.cross(towards, right), towards]) @ R_WO)
 
 
-def draw_body(ax: Axes, body: ConvexBody, sight: Sight) -> None:
-    """Draw a body's outline and the faces that are seen, in millimetres."""
+def draw_body(ax: Axes, body: ConvexBody, sight: Sight) -> Polygon:
+    """Draw a body's outline and the faces that are seen, in millimetres; return the outline."""
     rim = sight.project(body.support(build_icosphere(3).vertices))
-    ax.add_patch(
-        Polygon(1e3 * find_hull(rim), facecolor=_as_color(IVORY), edgecolor=INK, linewidth=1.0, zorder=1)
-    )
+    look: dict[str, Any] = {"edgecolor": INK, "linewidth": 1.0, "zorder": 1}
+    outline = Polygon(1e3 * find_hull(rim), facecolor=_as_color(IVORY), **look)
+    ax.add_patch(outline)
     letters = name_flats(body)
     for k, flat in enumerate(body.flats):
         if not sight.sees(flat.normal):
@@ -72,7 +72,7 @@ def draw_body(ax: Axes, body: ConvexBody, sight: Sight) -> None:
         )
         letter = place_letter(body, flat, letters[k])
         if letter is not None:
-            look: dict[str, Any] = {
+            look = {
                 "ha": "center",
                 "va": "center",
                 "fontsize": 11,
@@ -93,6 +93,7 @@ def draw_body(ax: Axes, body: ConvexBody, sight: Sight) -> None:
     ax.set_ylim(-reach, reach)
     ax.set_aspect("equal")
     ax.axis("off")
+    return outline
 
 
 def draw_dots(ax: Axes, sight: Sight, points: Array, normals: Array, **look: Any) -> None:  # noqa: ANN401 - matplotlib's own

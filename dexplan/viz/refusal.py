@@ -21,6 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from dexplan.builders import build_hand, build_scene
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.regions import Regions, compute_regions
 from dexplan.planning.regions.spherical import SphericalRegion
@@ -31,6 +32,7 @@ from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 from dexplan.viz.canvas import write_picture
 from dexplan.viz.palette import ALARM, INK, get_finger_color, tint
 from dexplan.viz.sections import Asked, draw_section, find_sections
+from dexplan.viz.site_refusal import draw_landings, draw_site_section, find_site_sections, list_keys
 
 PIXEL_DEG = 1.5
 WIDTH = 14.0
@@ -38,6 +40,12 @@ MAP_HEIGHT, SECTION_HEIGHT, HEADING, LINE = 2.1, 3.6, 1.45, 0.17
 """Heights of a row of maps, of the row of sections, of the heading, and of each line of the reason in it [in]."""
 MOST_LINES, LINE_LENGTH = 6, 165
 """How much of the reason the heading has room for: lines, and characters in one."""
+CLOSURE = "Two fingers hold alone where the line between their contacts lies inside both friction cones."
+BALL_WORDS = "What each finger can touch with the pole of its tip: the object's surface unrolled, azimuth across and elevation up"
+BODY_WORDS = (
+    "Where each finger can land with the pole of its tip, on places all over the object, none beside an edge"
+)
+"""What the upper rows show."""
 ABOUT_START = frozenset(
     {
         Status.OBJECT_TOO_LIGHT,
@@ -62,24 +70,25 @@ ABOUT_GOAL = frozenset(
 
 @dataclass(frozen=True)
 class _Stage:
-    """A pose of the object that is shown: its name, the regions there, and the contacts asked for (None: left to the planner)."""
+    """A pose ``X_WO`` (4, 4) of the object that is shown: its name, and the contacts asked for (None: left to the planner)."""
 
     name: str
-    regions: Regions
+    X_WO: Array
     asked: Asked | None
 
 
 def draw_refused_problem(problem: Problem, plan: Plan, path: str | os.PathLike[str]) -> Path:
     """Write the picture of why ``plan`` refuses ``problem``; return its path.  See :func:`draw_refusal`."""
     start, goal = problem.start.contacts_deg, problem.goal.contacts_deg
-    return draw_refusal(
-        build_hand(problem, build_scene(problem)),
-        plan,
-        None if isinstance(start, str) else compute_contact_directions(start),
-        None if goal is None else compute_contact_directions(goal),
-        path,
-        problem.name,
-    )
+    hand = build_hand(problem, build_scene(problem))
+    asked: list[Asked | None] = [
+        None if given is None or isinstance(given, str) else compute_contact_directions(given)
+        for given in (start, goal)
+    ]
+    if not isinstance(hand.object.body, BallBody):
+        radial = hand.object.body.radial
+        asked = [None if a is None else tuple(None if d is None else radial(d) for d in a) for a in asked]
+    return draw_refusal(hand, plan, asked[0], asked[1], path, problem.name)
 
 
 def draw_refusal(
@@ -92,21 +101,66 @@ def draw_refusal(
 ) -> Path:
     """Write what ``hand`` can reach and hold of what was asked as a PNG, 1400 pixels wide, whole or not at all; return its path.
 
-    ``start`` and ``goal`` are the contacts that the problem asks for, None where it leaves them to the planner or names none.
+    ``start`` and ``goal`` are the contacts that the problem asks for, None where it leaves them to the planner or names none: on
+    a ball outward normals, on any other body points [m], in object axes.
     """
-    stages, count = _choose_stages(hand, plan, start, goal), len(hand.fingers)
+    stages, reason = _choose_stages(plan, start, goal), _fold(plan.reason)
+    if isinstance(hand.object.body, BallBody):
+        figure = _draw_on_ball(hand, stages, HEADING + LINE * len(reason))
+        what, keys = BALL_WORDS, _list_keys()
+    else:
+        figure = _draw_on_body(hand, stages, HEADING + LINE * len(reason))
+        what, keys = BODY_WORDS, list_keys()
+    _write_heading(figure, plan, reason, name)
+    _write_keys(figure, 0.62 + LINE * len(reason), what, keys)
+    return write_picture(FigureCanvasAgg(figure), path)
+
+
+def _draw_on_body(hand: HandModel, stages: list[_Stage], heading: float) -> Figure:
+    """Return the figure of where fingers land on a body, and of the pairs of contacts asked for."""
     last = stages[-1]
-    sections, reason = find_sections(hand, last.regions, last.asked), _fold(plan.reason)
+    sections = [] if last.asked is None else find_site_sections(hand, last.asked)
     top = MAP_HEIGHT * len(stages) + (SECTION_HEIGHT if sections else 0.0)
-    height = HEADING + LINE * len(reason) + top
+    height = heading + top
     figure = Figure(figsize=(WIDTH, height), dpi=100, facecolor="white")
-    canvas = FigureCanvasAgg(figure)
     for stage in stages:
+        place = np.array([0.03, (top - MAP_HEIGHT + 0.1) / height, 0.96, (MAP_HEIGHT - 0.1) / height])
+        draw_landings(figure, hand, stage.X_WO, stage.asked, place)
+        middle = (top - 0.5 * MAP_HEIGHT) / height
+        figure.text(0.012, middle, stage.name, rotation=90, fontsize=11, va="center")
+        top -= MAP_HEIGHT
+    if sections:
+        where: dict[str, Any] = {
+            "left": 0.02,
+            "right": 0.985,
+            "top": (top - 0.9) / height,
+            "bottom": 0.1 / height,
+        }
+        grid = figure.add_gridspec(1, len(sections), wspace=0.05, **where)
+        for k, section in enumerate(sections):
+            draw_site_section(figure.add_subplot(grid[0, k]), hand, section)
+        words = (
+            f"{CLOSURE}\nLooked at across the line between the contacts asked for, {last.name}, to scale; "
+        )
+        words += f"believed friction {hand.friction.sliding:.2f}"
+        figure.text(0.02, (top - 0.02) / height, words, fontsize=10.5, va="top", linespacing=1.5)
+    return figure
+
+
+def _draw_on_ball(hand: HandModel, stages: list[_Stage], heading: float) -> Figure:
+    """Return the figure of the regions on a ball, and of sections through every two contacts."""
+    count, last, allowed = len(hand.fingers), stages[-1], hand.object.allowed_regions
+    regions = [compute_regions(hand, stage.X_WO, allowed=allowed) for stage in stages]
+    sections = find_sections(hand, regions[-1], last.asked)
+    top = MAP_HEIGHT * len(stages) + (SECTION_HEIGHT if sections else 0.0)
+    height = heading + top
+    figure = Figure(figsize=(WIDTH, height), dpi=100, facecolor="white")
+    for stage, known in zip(stages, regions, strict=True):
         lower = top - MAP_HEIGHT + 0.62
         place: dict[str, Any] = {"left": 0.075, "right": 0.985, "top": top / height, "bottom": lower / height}
         grid = figure.add_gridspec(1, count, wspace=0.1, **place)
         for finger in range(count):
-            _draw_map(figure.add_subplot(grid[0, finger]), hand, stage, finger)
+            _draw_map(figure.add_subplot(grid[0, finger]), hand, known, stage.asked or (), finger)
         figure.text(0.012, 0.5 * (top + lower) / height, stage.name, rotation=90, fontsize=11, va="center")
         top -= MAP_HEIGHT
     if sections:
@@ -116,28 +170,24 @@ def draw_refusal(
             draw_section(figure.add_subplot(grid[0, k]), hand, section)
         is_asked = last.asked is not None
         what = "the contacts asked for" if is_asked else "their widest reachable contacts"
-        words = (
-            "Two fingers hold alone where the line between their contacts lies inside both friction cones.\n"
-            f"Section through {what}, {last.name}, to scale; believed friction {hand.friction.sliding:.2f}: {sections[0].rule}"
-        )
+        words = f"{CLOSURE}\nSection through {what}, {last.name}, to scale; believed friction {hand.friction.sliding:.2f}: "
+        words += sections[0].rule
         figure.text(0.02, (top - 0.02) / height, words, fontsize=10.5, va="top", linespacing=1.5)
-    _write_heading(figure, plan, reason, name)
-    return write_picture(canvas, path)
+    return figure
 
 
-def _choose_stages(hand: HandModel, plan: Plan, start: Asked | None, goal: Asked | None) -> list[_Stage]:
-    allowed = hand.object.allowed_regions
+def _choose_stages(plan: Plan, start: Asked | None, goal: Asked | None) -> list[_Stage]:
     stages = []
     if plan.status not in ABOUT_GOAL:
-        stages.append(_Stage("at the start", compute_regions(hand, plan.X_WO_start, allowed=allowed), start))
+        stages.append(_Stage("at the start", plan.X_WO_start, start))
     if plan.status not in ABOUT_START:
-        stages.append(_Stage("at the goal", compute_regions(hand, plan.X_WO_goal, allowed=allowed), goal))
+        stages.append(_Stage("at the goal", plan.X_WO_goal, goal))
     return stages
 
 
-def _draw_map(ax: Axes, hand: HandModel, stage: _Stage, finger: int) -> None:
+def _draw_map(ax: Axes, hand: HandModel, regions: Regions, asked: Asked, finger: int) -> None:
     """Draw what one finger can touch, and where it and the others are asked to; the finger's own azimuth is in the middle."""
-    region, R_WO = stage.regions.contactable[finger], stage.regions.X_WO[:3, :3]
+    region, R_WO = regions.contactable[finger], regions.X_WO[:3, :3]
     home = hand.p_WF_home[finger] - hand.object.X_WO_home[:3, 3]
     middle = float(angles_from_direction(home / np.linalg.norm(home))[0])
     azimuth = np.arange(-180.0 + PIXEL_DEG / 2, 180.0, PIXEL_DEG)
@@ -159,7 +209,7 @@ def _draw_map(ax: Axes, hand: HandModel, stage: _Stage, finger: int) -> None:
             azimuth, elevation, margin, [0.0, 10.0], colors=[tint(get_finger_color(finger))], zorder=1
         )
         ax.contour(azimuth, elevation, margin, [0.0], colors=[INK], linewidths=0.8, zorder=2)
-    for other, normal in enumerate(stage.asked or ()):
+    for other, normal in enumerate(asked):
         if normal is None:
             continue
         place = angles_from_direction(R_WO @ normal)
@@ -228,21 +278,28 @@ def _write_heading(figure: Figure, plan: Plan, reason: list[str], name: str) -> 
     title = f"{name}: refused, {plan.status}" if name else f"refused, {plan.status}"
     write(title if len(title) <= 95 else f"{title[:94]}…", 0.15, 16, ALARM, "bold")
     write("\n".join(reason), 0.48, 10.5)
-    below = 0.62 + LINE * len(reason)
-    words = "What each finger can touch with the pole of its tip: the object's surface unrolled, azimuth across and elevation up"
-    write(words, below, 10.5)
-    dot: dict[str, Any] = {"marker": "o", "linestyle": ""}
-    cross: dict[str, Any] = {"marker": "X", "linestyle": ""}
+
+
+def _write_keys(figure: Figure, below: float, words: str, keys: list[Patch | Line2D]) -> None:
+    """Write, so far below the top [in], what the upper rows show, and what their marks mean."""
+    height = figure.get_figheight()
+    figure.text(0.02, 1.0 - below / height, words, fontsize=10.5, color=INK, va="top")
     figure.legend(
-        handles=[
-            Patch(facecolor="#BBBBBB", edgecolor=INK, label="can touch"),
-            Line2D([], [], color=INK, markersize=9, label="contact asked of it", **dot),
-            Line2D([], [], color=ALARM, markersize=10, label="asked of it, out of reach", **cross),
-            Line2D([], [], color="#888888", markersize=5, label="contacts of the others", **dot),
-        ],
+        handles=keys,
         loc="center left",
         bbox_to_anchor=(0.01, 1.0 - (below + 0.36) / height),
-        ncols=4,
+        ncols=len(keys),
         frameon=False,
         fontsize=9.5,
     )
+
+
+def _list_keys() -> list[Patch | Line2D]:
+    dot: dict[str, Any] = {"marker": "o", "linestyle": ""}
+    cross: dict[str, Any] = {"marker": "X", "linestyle": ""}
+    return [
+        Patch(facecolor="#BBBBBB", edgecolor=INK, label="can touch"),
+        Line2D([], [], color=INK, markersize=9, label="contact asked of it", **dot),
+        Line2D([], [], color=ALARM, markersize=10, label="asked of it, out of reach", **cross),
+        Line2D([], [], color="#888888", markersize=5, label="contacts of the others", **dot),
+    ]

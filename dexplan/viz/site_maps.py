@@ -24,12 +24,10 @@ from dexplan.spatial import Array, angles_from_direction
 from dexplan.viz.body_view import draw_body, draw_dots, look_from
 from dexplan.viz.canvas import write_picture
 from dexplan.viz.palette import ALARM, INK, get_finger_color
-from dexplan.viz.site_reach import BEYOND, Flags, SitePair, SiteReach, compute_site_reach
+from dexplan.viz.site_reach import ASIDE, BEYOND, Flags, SitePair, SiteReach, compute_site_reach
 
 VIEW = 1.75
 """Side of one view [in]."""
-ASIDE = 20.0
-"""Views are turned by so much, so that a box does not show one face alone [deg]."""
 TOP, BETWEEN, LOADS = 1.1, 0.45, 4.1
 """Room for the heading, above each row of views, and for the loads below [in]."""
 LOST = "#9A9A9A"

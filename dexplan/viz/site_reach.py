@@ -30,6 +30,8 @@ Flags = NDArray[np.bool_]
 
 SITES = 300
 """About so many sites are spread over a body."""
+ASIDE = 20.0
+"""Views are turned by so much, so that a box does not show one face alone [deg]."""
 EDGE_BAND = 0.003
 """No site is nearer to a sharp edge [m]."""
 PLACEMENTS = 120
@@ -96,10 +98,8 @@ class SiteReach:
 def compute_site_reach(hand: HandModel) -> SiteReach:
     """Return landings and pairs of ``hand`` with the object at home; the last hand's are kept."""
     body, limits = hand.object.body, hand.limits
-    # Sites in a hexagonal grid have sqrt(3) / 2 of their spacing squared each.
-    area = float(ConvexHull(body.radial(build_icosphere(4).vertices)).area)
-    sites = build_sites(body, float(np.sqrt(area / (np.sqrt(0.75) * SITES))), EDGE_BAND)
-    landings = [_find_landings(hand, finger, sites) for finger in range(len(hand.fingers))]
+    sites, home = spread_sites(body), hand.object.X_WO_home
+    landings = [find_landings(hand, finger, sites, home) for finger in range(len(hand.fingers))]
     lean_max = compute_pair_angle_max(hand.friction)
     kept = compute_pair_angle_max(hand.friction.scaled(limits.cone_share)) - limits.closure_margin
     judge = Admissibility(hand)
@@ -126,10 +126,20 @@ def find_faces(body: ConvexBody, points: Array) -> NDArray[np.intp]:
     return face
 
 
-def _find_landings(hand: HandModel, finger: int, sites: Sites) -> tuple[Flags, Array]:
-    """Return on which sites (S,) a finger can land with its tip's pole along the normal, and its postures there (S, J)."""
+def spread_sites(body: ConvexBody) -> Sites:
+    """Return about ``SITES`` sites all over a body, none beside a sharp edge."""
+    # Sites in a hexagonal grid have sqrt(3) / 2 of their spacing squared each.
+    area = float(ConvexHull(body.radial(build_icosphere(4).vertices)).area)
+    return build_sites(body, float(np.sqrt(area / (np.sqrt(0.75) * SITES))), EDGE_BAND)
+
+
+def find_landings(hand: HandModel, finger: int, sites: Sites, X_WO: Array) -> tuple[Flags, Array]:
+    """Return on which sites (S,) a finger can land with its tip's pole along the normal, and its postures there (S, J).
+
+    ``X_WO`` (4, 4) is the pose of the object.
+    """
     description, workspace = hand.fingers[finger], hand.workspaces[finger]
-    chain, X_WO = description.chain, hand.object.X_WO_home
+    chain = description.chain
     if not len(workspace.postures):
         return np.zeros(len(sites), dtype=bool), np.zeros((len(sites), chain.n_joints))
     normals = sites.normals @ X_WO[:3, :3].T

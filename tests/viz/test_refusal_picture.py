@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from small_hand import MU, make_hand
 from turning_run import make_plan
 
+from dexplan.contact.bodies.edged import BoxBody
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.regions import compute_regions
 from dexplan.plans.plan import Plan
@@ -19,6 +20,7 @@ from dexplan.plans.status import Status
 from dexplan.spatial import Array, direction_from_angles, make_pose
 from dexplan.viz.refusal import draw_refusal
 from dexplan.viz.sections import Asked, find_sections, find_widest
+from dexplan.viz.site_refusal import find_site_sections
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +113,29 @@ def test_a_refusal_about_the_way_shows_both_ends_and_is_the_same_each_time(
     ]
     assert pictures[0] == pictures[1]
     assert said.count("at the start") == said.count("at the goal") == 2
+
+
+def _box_hand(hand: HandModel) -> HandModel:
+    return replace(hand, object=replace(hand.object, body=BoxBody(0.03, 0.026, 0.031)))
+
+
+def test_neighbouring_faces_of_a_box_never_hold_and_opposite_ones_do(hand: HandModel) -> None:
+    box = _box_hand(hand)
+    asked = (np.array([0.03, 0.0, 0.0]), np.array([0.0, 0.026, 0.0]), np.array([-0.03, 0.004, 0.0]))
+    sections = {s.fingers: s for s in find_site_sections(box, asked)}
+    assert "a cone misses the other contact by " in str(sections[0, 1])
+    assert sections[0, 1].lean > np.pi / 4.0 - 1e-9
+    assert "the cones meet" in str(sections[0, 2])
+    assert np.degrees(sections[0, 2].lean) == pytest.approx(np.degrees(np.arctan(4.0 / 60.0)))
+    assert find_site_sections(box, (asked[0], None, None)) == []
+
+
+def test_a_refusal_about_a_box_is_drawn_on_the_box(hand: HandModel, tmp_path: Path, said: list[str]) -> None:
+    asked = (np.array([0.03, 0.0, 0.0]), np.array([0.0, 0.026, 0.0]), None)
+    plan = _refuse(hand, Status.START_UNREACHABLE)
+    path = draw_refusal(_box_hand(hand), plan, asked, None, tmp_path / "refusal.png", "odd_box")
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert "odd_box: refused, start_unreachable" in said
+    assert sum(words.startswith("finger ") and words.endswith("of the box") for words in said) == 3
+    assert any(words.startswith("✗ fingers 1 and 2: the line leans") for words in said)
+    assert {"A", "C"} <= set(said)

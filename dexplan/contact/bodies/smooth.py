@@ -49,8 +49,13 @@ class BallBody(ConvexBody):
 
     def project(self, P: ArrayLike) -> Projection:
         """As :meth:`ConvexBody.project`."""
-        length, normal = normalize(as_points(P), _X)
-        return Projection(self.radius * normal, normal, length - self.radius)
+        points = as_points(P)
+        length, normal = normalize(points, _X)
+        is_off_center = (length > 0.0)[..., None]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            # To the last bit what ``Sphere.radial`` says: plans for balls are compared by their bits.
+            point = np.where(is_off_center, self.radius * points / length[..., None], self.radius * normal)
+        return Projection(point, normal, length - self.radius)
 
     def support(self, direction: ArrayLike) -> Array:
         """As :meth:`ConvexBody.support`."""

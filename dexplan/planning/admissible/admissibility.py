@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.grasp.force.solver import (
     GENTLE_FRICTION,
     ForceLimits,
@@ -194,21 +195,22 @@ class Admissibility:
         self, states: dict[int, FingerState], q: Array, X_WO: Array, axis_W: Array | None, explain: bool
     ) -> _Load:
         """Return what the force QP says of fingers in ``states`` with the object at rest or accelerated about ``axis_W``."""
-        hand, limits = self.hand, self.hand.limits
+        hand, limits, body = self.hand, self.hand.limits, self.hand.object.body
         holding = tuple(sorted(states))
         n, joints = len(holding), hand.fingers[0].chain.n_joints
         solver = self._solvers.get(n)
         if solver is None:
             friction = hand.friction.scaled(limits.cone_share)
-            length = float(np.linalg.norm(hand.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
-            settings = ForceSettings((friction,) * n, length, friction_weight=GENTLE_FRICTION)
+            settings = ForceSettings((friction,) * n, hand.object.body.bound, friction_weight=GENTLE_FRICTION)
             solver = self._solvers[n] = ForceSolver(settings, joints)
         R_WO, p_WO = X_WO[:3, :3], X_WO[:3, 3]
         G, maps = np.zeros((6, 4 * n)), np.zeros((n, joints, 4))
         for k, i in enumerate(holding):
             p_WF = states[i].X_WF[:3, 3]
-            arm_W = R_WO @ hand.object.surface.radial(R_WO.T @ (p_WF - p_WO))
-            G[:, 4 * k : 4 * k + 4], maps[k] = map_contact(states[i].J, arm_W, p_WO + arm_W - p_WF)
+            touched = body.project(R_WO.T @ (p_WF - p_WO))
+            arm_W = R_WO @ touched.point
+            normal_W = None if isinstance(body, BallBody) else R_WO @ touched.normal
+            G[:, 4 * k : 4 * k + 4], maps[k] = map_contact(states[i].J, arm_W, p_WO + arm_W - p_WF, normal_W)
         alpha = np.zeros(3) if axis_W is None else hand.acceleration * axis_W
         wrench = compute_wrench(hand.object.mass_properties, R_WO, angular_acceleration=alpha)
         bias = hand.probe.compute_gravity_torque(q)[list(holding)]

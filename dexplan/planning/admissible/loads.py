@@ -43,13 +43,14 @@ class PairLoads:
         lock_arrays(self)
 
 
-def compute_object_wrench(hand: HandModel, axis_W: Array | None) -> Array:
-    """Return the wrench (6,) [N, N m] that holds the object and accelerates it about the unit ``axis_W``, about its centre.
+def compute_object_wrench(hand: HandModel, axis_W: Array | None, R_WO: Array | None = None) -> Array:
+    """Return the wrench (6,) [N, N m] that holds the object and accelerates it about the unit ``axis_W``, about its origin.
 
-    The object is taken to be the same in any attitude, as a homogeneous ball is.
+    ``R_WO`` (3, 3): its attitude; None for an object that is the same in any, as a homogeneous ball is.
     """
     alpha = np.zeros(3) if axis_W is None else hand.acceleration * axis_W
-    return compute_wrench(hand.object.mass_properties, np.eye(3), angular_acceleration=alpha)
+    R = np.eye(3) if R_WO is None else R_WO
+    return compute_wrench(hand.object.mass_properties, R, angular_acceleration=alpha)
 
 
 def sure_share(hand: HandModel) -> float:
@@ -57,13 +58,19 @@ def sure_share(hand: HandModel) -> float:
     return hand.limits.cone_share * hand.friction.facet_inradius
 
 
-def compute_pair_loads(hand: HandModel, first: Array, second: Array, wrench: Array) -> PairLoads:
+def compute_pair_loads(
+    hand: HandModel, first: Array, second: Array, wrench: Array, arms: tuple[Array, Array] | None = None
+) -> PairLoads:
     """Return the loads of pairs whose contacts have the outward normals ``first`` and ``second`` (N, 3) in W.
 
-    ``wrench`` (6,) is what the contacts have to exert about the object's centre.
+    ``wrench`` (6,) is what the contacts have to exert about the object's origin; ``arms``: where the contacts are from there,
+    (N, 3) each [m] in W, None on a ball.
     """
-    surface, friction, limits = hand.object.surface, hand.friction, hand.limits
-    p1, p2 = surface.radial(first), surface.radial(second)
+    friction, limits = hand.friction, hand.limits
+    if arms is None:
+        surface = hand.object.surface
+        arms = surface.radial(first), surface.radial(second)
+    p1, p2 = arms
     d = p2 - p1
     length = np.linalg.norm(d, axis=1)
     squared = np.maximum(length**2, 1e-12)

@@ -9,7 +9,7 @@ import numpy as np
 from dexplan.planning.admissible.admissibility import Admissibility, FingerState, compute_finger_states, worst
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
+from dexplan.planning.admissible.loads import compute_object_wrench
 from dexplan.planning.contacts.oracle import Verdict
 from dexplan.planning.contacts.still import Stand, StillContacts
 from dexplan.planning.contacts.track import Track
@@ -98,13 +98,10 @@ class Layers:
             now = still.loads(finger, partner)
             now = np.where(now <= SLACK * self.hand.limits.cone_share, now, np.inf)
             turn = last.X_WO[:3, :3] @ still.X_WO[:3, :3].T
-            normals = np.array([still.normal(s) for s in still.landings(finger)]).reshape(-1, 3) @ turn.T
-            other = np.broadcast_to(turn @ still.normal(partner), normals.shape)
+            pairs = still.pair_with(finger, partner).turned(turn)
             home = self.hand.p_WF_home[finger] - last.X_WO[:3, 3]
-            later = np.ones(len(normals))
-            if len(normals):
-                wrench = compute_object_wrench(self.hand, None)
-                later = np.minimum(compute_pair_loads(self.hand, other, normals, wrench).utilisation, 1.0)
-                later = np.where(normals @ home > 0.3 * np.linalg.norm(home), later, 1.0)
+            wrench = compute_object_wrench(self.hand, None, last.X_WO[:3, :3])
+            later = np.minimum(pairs.compute_loads(self.hand, wrench), 1.0)
+            later = np.where(pairs.normals[:, 1] @ home > 0.3 * np.linalg.norm(home), later, 1.0)
             self._promises[key] = now + later
         return self._promises[key]

@@ -121,7 +121,7 @@ class SiteContacts:
             if s is None
             else "goal"
             if still.labels[s] is not None
-            else int(np.argmax(self._kinds @ still.normal(s)))
+            else int(np.argmax(self._kinds @ still.get_direction(s)))
             for s in grip
         )
         return (at.stop, *where)

@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
+from dexplan.contact.bodies.body import ConvexBody
+from dexplan.contact.bodies.sites import Sites, build_sites
+from dexplan.contact.bodies.smooth import BallBody
+from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.kinematics.arcs import build_travel, compute_hover
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
-from dexplan.kinematics.workspace import spread_directions
+from dexplan.kinematics.workspace import compute_aligned_pose, spread_directions
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,
     Margins,
     compute_finger_states,
 )
-from dexplan.planning.admissible.aligned import build_aligned
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.admissible.order import keeps_order
-from dexplan.planning.admissible.separation import compute_opposition, compute_pair_angle_max
+from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
 from dexplan.plans.contacts import Placement
 from dexplan.plans.refusal import Refusal, RefusalKind
-from dexplan.spatial import Array, invert_pose
+from dexplan.spatial import Array, invert_pose, lock_arrays
 
 Stand = tuple[int | None, ...]
 """Per finger the number of its spot, None where it is free (at home)."""
@@ -33,7 +37,11 @@ Labels = tuple[int | None, ...]
 """Per finger what its contact is to the goal, as :meth:`StillContacts.label` says."""
 
 DIRECTIONS = 240
-"""Directions around the object at which intermediate landings are tried."""
+"""Directions around a ball at which intermediate landings are tried."""
+SPACING = 0.14
+"""Distance of sites on other bodies, in lengths of the cube of their volume: about as many as directions around a ball."""
+EDGE_BAND = 4e-3
+"""Contacts keep so far from sharp edges [m]: a fixed contact wanders less than a tenth of that over its face."""
 DETOURS = 4
 """So many detours are looked for in vain around one pose of the object."""
 
@@ -43,26 +51,45 @@ def change_stand(stand: Stand, finger: int, spot: int | None) -> Stand:
     return (*stand[:finger], spot, *stand[finger + 1 :])
 
 
-def build_landings(hand: HandModel, X_WO: Array, finger: int, normals_O: Array) -> list[Placement | None]:
+@lru_cache(maxsize=8)
+def list_sites(body: ConvexBody) -> Sites:
+    """Return the places all over a body at which landings are tried, none near an edge."""
+    if isinstance(body, BallBody):
+        return find_sites(body, spread_directions(DIRECTIONS))
+    return build_sites(body, SPACING * float(np.cbrt(body.solid.volume)), EDGE_BAND)
+
+
+def find_sites(body: ConvexBody, normals_O: Array) -> Sites:
+    """Return the places of a body with the outward normals (N, 3); of a face with such a normal, one of its corners."""
+    return Sites(body.support(normals_O), normals_O)
+
+
+def build_landings(
+    hand: HandModel, X_WO: Array, finger: int, normals_O: Array, points_O: Array | None = None
+) -> list[Placement | None]:
     """Return how a finger touches along outward normals (N, 3) in object axes, its pole along them; None where it cannot.
 
-    A tip that can roll about its pole lands with that joint in the middle of its range.
+    ``points_O`` (N, 3) [m]: where; None where normals say it, as on a ball.  A tip that can roll about its pole lands with that
+    joint in the middle of its range.
     """
+    if points_O is None:
+        points_O = find_sites(hand.object.body, normals_O).points
     description, limits = hand.fingers[finger], hand.limits
     chain, workspace = description.chain, hand.workspaces[finger]
     if not len(workspace.postures) or not len(normals_O):
         return [None] * len(normals_O)
     normals_W = normals_O @ X_WO[:3, :3].T
-    q, reached = solve_tip_pose(workspace, build_aligned(hand, finger, X_WO[:3, 3], normals_W))
+    X_WF = compute_aligned_pose(X_WO[:3, 3], normals_W, description.tip_radius)
+    X_WF[:, :3, 3] += points_O @ X_WO[:3, :3].T
+    q, reached = solve_tip_pose(workspace, X_WF)
     if chain.has_tip_roll:
         q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
     usable = reached & (compute_joint_margin(chain, q) >= limits.joint_margin)
     usable[usable] = estimate_dexterity(chain, q[usable]) >= limits.dexterity
     X_OF = invert_pose(X_WO) @ compute_tip_pose(chain, q)
-    surface = hand.object.surface
     return [
-        Placement(finger, surface.radial(n), n, X, posture) if good else None
-        for n, X, posture, good in zip(normals_O, X_OF, q, usable, strict=True)
+        Placement(finger, p, n, X, posture) if good else None
+        for p, n, X, posture, good in zip(points_O, normals_O, X_OF, q, usable, strict=True)
     ]
 
 
@@ -75,6 +102,34 @@ def land_again(hand: HandModel, X_WO: Array, placement: Placement) -> Placement 
     if not good or float(estimate_dexterity(description.chain, q)[0]) < limits.dexterity:
         return None
     return replace(placement, q=q[0])
+
+
+@dataclass(frozen=True, eq=False)
+class SpotPairs:
+    """N pairs of contacts: outward ``normals`` and ``arms`` [m] from the object's origin, (N, 2, 3) each, in W."""
+
+    normals: Array
+    arms: Array
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
+    @property
+    def leans(self) -> Array:
+        """The larger angle (N,) [rad] of each pair's chord from its normals."""
+        return measure_chord_lean(self.arms, self.normals)
+
+    def compute_loads(self, hand: HandModel, wrench: Array) -> Array:
+        """Return which share (N,) of the believed cone it takes to exert ``wrench`` (6,) about the origin."""
+        if not len(self.normals):
+            return np.zeros(0)
+        first, second = self.normals[:, 0], self.normals[:, 1]
+        arms = self.arms[:, 0], self.arms[:, 1]
+        return compute_pair_loads(hand, first, second, wrench, arms).utilisation
+
+    def turned(self, R: Array) -> SpotPairs:
+        """Return the pairs turned by R (3, 3) about the object's origin."""
+        return SpotPairs(self.normals @ R.T, self.arms @ R.T)
 
 
 @dataclass(eq=False)
@@ -92,6 +147,7 @@ class StillContacts:
     labels: list[int | None] = field(default_factory=list)
     _states: list[FingerState] = field(default_factory=list)
     _normals: list[Array] = field(default_factory=list)
+    _arms: list[Array] = field(default_factory=list)
     _margins: dict[Stand, Margins] = field(default_factory=dict)
     _landings: dict[int, list[int]] = field(default_factory=dict)
     _loads: dict[tuple[int, int], Array] = field(default_factory=dict)
@@ -101,9 +157,10 @@ class StillContacts:
 
     def __post_init__(self) -> None:
         limits = self.hand.limits
-        beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
-        self.opposite = -compute_opposition(beta)
-        """Two contacts hold where the cosine between their normals is less than this."""
+        self.lean_max = (
+            compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
+        )
+        """Two contacts hold where their chord leans less than this [rad] from both normals."""
 
     def add(self, placement: Placement, label: int | None = None) -> int:
         """Note a contact; return its number."""
@@ -119,16 +176,16 @@ class StillContacts:
         self.labels += [label] * len(placements)
         self._states += compute_finger_states(self.hand, placements[0].finger, q)
         self._normals += [self.X_WO[:3, :3] @ p.normal_O for p in placements]
+        self._arms += [self.X_WO[:3, :3] @ p.point_O for p in placements]
         return list(range(first, len(self.spots)))
 
     def landings(self, finger: int) -> list[int]:
         """Return places all over the object where a finger can land, as far as it alone is concerned."""
         if finger not in self._landings:
-            normals = spread_directions(DIRECTIONS)
-            normals = normals[self.hand.object.allows(normals)]
+            sites = list_sites(self.hand.object.body)
             home = self.hand.p_WF_home[finger] - self.X_WO[:3, 3]
-            normals = normals[normals @ self.X_WO[:3, :3].T @ home > 0.0]
-            found = build_landings(self.hand, self.X_WO, finger, normals)
+            rows = self.hand.object.allows(sites.normals) & (sites.normals @ self.X_WO[:3, :3].T @ home > 0.0)
+            found = build_landings(self.hand, self.X_WO, finger, sites.normals[rows], sites.points[rows])
             self._landings[finger] = self.add_all([p for p in found if p is not None])
         return self._landings[finger]
 
@@ -136,20 +193,29 @@ class StillContacts:
         """Return which share of the believed cone it takes to hold with ``partner`` and each of the landings of a finger."""
         key = finger, partner
         if key not in self._loads:
-            normals = np.array([self._normals[s] for s in self.landings(finger)]).reshape(-1, 3)
-            other = np.broadcast_to(self._normals[partner], normals.shape)
-            wrench = compute_object_wrench(self.hand, None)
-            used = (
-                compute_pair_loads(self.hand, other, normals, wrench).utilisation
-                if len(normals)
-                else np.zeros(0)
-            )
-            self._loads[key] = np.where(normals @ self._normals[partner] < self.opposite, used, np.inf)
+            pairs = self.pair_with(finger, partner)
+            wrench = compute_object_wrench(self.hand, None, self.X_WO[:3, :3])
+            used = pairs.compute_loads(self.hand, wrench)
+            self._loads[key] = np.where(pairs.leans < self.lean_max, used, np.inf)
         return self._loads[key]
 
-    def normal(self, spot: int) -> Array:
-        """Return the outward normal (3,) of a spot in W."""
-        return self._normals[spot]
+    def pair_with(self, finger: int, partner: int) -> SpotPairs:
+        """Return the pairs of ``partner`` with each of the landings of a finger."""
+        spots = self.landings(finger)
+        normals, arms = (
+            np.array([rows[s] for s in spots]).reshape(-1, 3) for rows in (self._normals, self._arms)
+        )
+        return SpotPairs(
+            np.stack([np.broadcast_to(self._normals[partner], normals.shape), normals], axis=1),
+            np.stack([np.broadcast_to(self._arms[partner], arms.shape), arms], axis=1),
+        )
+
+    def get_direction(self, spot: int) -> Array:
+        """Return in which direction (3,) in W the tip at a spot is from the object's origin: on a ball the normal."""
+        if isinstance(self.hand.object.body, BallBody):
+            return self._normals[spot]
+        arm = self._states[spot].X_WF[:3, 3] - self.X_WO[:3, 3]
+        return np.asarray(arm / np.linalg.norm(arm))
 
     def label(self, stand: Stand) -> Labels:
         """Return the labels of a stand; -1 for a contact without one, None for a free finger."""
@@ -169,7 +235,8 @@ class StillContacts:
 
     def forms_pair(self, a: int, b: int) -> bool:
         """Return whether two spots are force closed with the believed friction and a margin."""
-        return bool(self._normals[a] @ self._normals[b] < self.opposite)
+        arms, normals = ([rows[a], rows[b]] for rows in (self._arms, self._normals))
+        return bool(measure_chord_lean(arms, normals) < self.lean_max)
 
     def has_pair(self, stand: Stand) -> bool:
         """Return whether two of the contacts of a stand are force closed."""
@@ -189,9 +256,9 @@ class StillContacts:
         return self._margins[stand]
 
     def _keeps_order(self, stand: Stand) -> bool:
-        normals = {f: p - self.X_WO[:3, 3] for f, p in enumerate(self.hand.p_WF_home)}
-        normals.update({f: self._normals[s] for f, s in enumerate(stand) if s is not None})
-        return keeps_order(self.hand, normals)
+        directions = {f: p - self.X_WO[:3, 3] for f, p in enumerate(self.hand.p_WF_home)}
+        directions.update({f: self.get_direction(s) for f, s in enumerate(stand) if s is not None})
+        return keeps_order(self.hand, directions)
 
     def find_change(self, before: Stand, after: Stand) -> Way:
         """Return the way of the one finger by which two stands differ; it touches in one of them only."""

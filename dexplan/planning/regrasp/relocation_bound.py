@@ -15,6 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.still import Stand, build_landings
 from dexplan.plans.contacts import Placement
@@ -104,7 +105,8 @@ class RelocationBound:
         if self._roots is not None:
             return True
         X_WO, contact = self._layers.poses[pose].X_WO, self._contacts[finger][number]
-        return build_landings(self._layers.hand, X_WO, finger, contact.normal_O[None])[0] is not None
+        rows = contact.normal_O[None], contact.point_O[None]
+        return build_landings(self._layers.hand, X_WO, finger, *rows)[0] is not None
 
     def _numbers(self, layer: int, stand: Stand) -> dict[int, int]:
         """Return per finger that touches the number of its contact's place."""
@@ -127,14 +129,17 @@ class RelocationBound:
         normals = [np.array([c.normal_O for c in rows]).reshape(-1, 3) for rows in self._contacts]
         points = [np.array([c.point_O for c in rows]).reshape(-1, 3) for rows in self._contacts]
         centers = [p + f.tip_radius * n for p, n, f in zip(points, normals, hand.fingers, strict=True)]
-        opposite = layers.poses[-1].opposite
+        lean_max = layers.poses[-1].lean_max
         is_apart: dict[Pair, Bools] = {}
         holds: dict[Pair, Bools] = {}
         for a, b in self._pairs:
             room = hand.limits.clearance + hand.fingers[a].tip_radius + hand.fingers[b].tip_radius
             gap = np.linalg.norm(centers[a][:, None] - centers[b][None], axis=2)
             is_apart[a, b] = gap >= room
-            holds[a, b] = (normals[a] @ normals[b].T < opposite) & is_apart[a, b]
+            holds[a, b] = np.zeros_like(is_apart[a, b])
+            i, j = np.nonzero(is_apart[a, b])
+            near = np.stack([points[a][i], points[b][j]], 1), np.stack([normals[a][i], normals[b][j]], 1)
+            holds[a, b][i, j] = measure_chord_lean(*near) < lean_max
         if self._stale < layers.last:
             later = self._distances[self._stale + 1]
         else:

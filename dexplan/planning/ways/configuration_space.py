@@ -67,7 +67,5 @@ def compute_tip_gaps(hand: HandModel, q: Array, X_WO: Array) -> Array:
     gaps = np.empty(len(hand.fingers))
     for i, finger in enumerate(hand.fingers):
         p_O = X_WO[:3, :3].T @ (finger.pose_at(q[i])[:3, 3] - X_WO[:3, 3])
-        offset = p_O - hand.object.surface.radial(p_O)
-        is_outside = offset @ p_O >= 0.0
-        gaps[i] = (1.0 if is_outside else -1.0) * np.linalg.norm(offset) - finger.tip_radius
+        gaps[i] = hand.object.body.project(p_O).distance - finger.tip_radius
     return gaps
