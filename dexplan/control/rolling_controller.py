@@ -23,7 +23,7 @@ from dexplan.control.reference import ObjectState
 from dexplan.control.rolling_phases import Doing, RollingTiming, Stretch, build_stretches
 from dexplan.grasp.force.pivoting import PivotingContacts, PivotingForces, PivotingLimits, PivotingSolver
 from dexplan.grasp.wrench import compute_wrench
-from dexplan.kinematics.chain import compute_tip_jacobian, compute_tip_pose
+from dexplan.kinematics.chain import Chain, compute_tip_jacobian, compute_tip_pose
 from dexplan.plans.plan import Plan
 from dexplan.scene.scene import Scene
 from dexplan.spatial import Array, hat, rotation_vector
@@ -247,31 +247,22 @@ class RollingController:
         if stretch.doing is Doing.TRAVEL:
             self._goal[finger] = stretch.sample_way(t)
         else:
-            self._goal[finger] = self._follow_normal(stretch, seen, t)
+            chain = self.scene.fingers[finger].chain
+            gap = stretch.sample_gap(t, self.plan.touchdown.hover, self.timing)
+            self._goal[finger] = _stay_on_normal(chain, stretch, seen.X_WO, gap, before)
         return np.clip((self._goal[finger] - before) / self.tick, -4.0, 4.0)
 
-    def _follow_normal(self, stretch: Stretch, seen: Observation, t: float) -> Array:
-        """Return the posture (J,) with the tip on the normal of its contact, as far off the object as it should be now."""
-        timing, hover, placement = self.timing, self.plan.touchdown.hover, stretch.placement
-        assert placement is not None
-        x = min(t / stretch.duration, 1.0)
-        done = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
-        if stretch.doing is Doing.APPROACH:
-            gap = hover + (timing.near - hover) * done
-            gap -= timing.touch_speed * max(0.0, t - stretch.duration)
-        else:
-            gap = hover * done
-        X_WO = seen.X_WO
-        center_O = placement.X_OF[:3, 3] + gap * placement.normal_O
-        center = X_WO[:3, :3] @ center_O + X_WO[:3, 3]
-        chain = self.scene.fingers[placement.finger].chain
-        q = self._goal[placement.finger].copy()
-        for _ in range(3):
-            missing = center - compute_tip_pose(chain, q)[:3, 3]
-            q += np.clip(
-                np.linalg.pinv(compute_tip_jacobian(chain, q)[:3], rcond=1e-3) @ missing, -0.05, 0.05
-            )
-        return q
+
+def _stay_on_normal(chain: Chain, stretch: Stretch, X_WO: Array, gap: float, q: Array) -> Array:
+    """Return the posture (J,) near ``q`` with the tip ``gap`` [m] off the object, on the normal of its contact."""
+    placement = stretch.placement
+    assert placement is not None
+    center = X_WO[:3, :3] @ (placement.X_OF[:3, 3] + gap * placement.normal_O) + X_WO[:3, 3]
+    for _ in range(3):
+        missing = center - compute_tip_pose(chain, q)[:3, 3]
+        step = np.linalg.pinv(compute_tip_jacobian(chain, q)[:3], rcond=1e-3) @ missing
+        q = q + np.clip(step, -0.05, 0.05)
+    return q
 
 
 def _decides_motion(contacts: PivotingContacts) -> bool:

@@ -89,6 +89,18 @@ class Stretch:
         direction = np.concatenate([motion.shift_W, motion.angle * motion.axis_W])
         return ObjectState(X, rate * direction, acceleration * direction)
 
+    def sample_gap(self, t: float, hover: float, timing: RollingTiming) -> float:
+        """Return how far [m] a finger that comes down or leaves is to be off the object: from ``hover``, or up to it.
+
+        Past the end an approach goes on slowly until it touches.
+        """
+        x = min(t / self.duration, 1.0)
+        done = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+        if self.doing is not Doing.APPROACH:
+            return hover * done
+        late = max(0.0, t - self.duration)
+        return hover + (timing.near - hover) * done - timing.touch_speed * late
+
     def sample_way(self, t: float) -> Array:
         """Return the posture (J,) on the finger's way at ``t`` [s]."""
         assert self.postures is not None

@@ -9,22 +9,18 @@ import numpy as np
 
 from dexplan.kinematics.arcs import build_travel, compute_hover
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.planning.admissible.admissibility import Margins, worst
+from dexplan.planning.admissible.admissibility import Margins
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.admissible.rolling_hold import RollingHold, Station, TouchState
+from dexplan.planning.admissible.rolling_hold import RollingHold
 from dexplan.planning.contacts.oracle import Landfall, Landing, Progress, Reach, Verdict
+from dexplan.planning.contacts.rolling_stations import RollingGrip, RollingStations
 from dexplan.planning.contacts.rolling_touches import RollingTouches
 from dexplan.planning.contacts.stops import Stop, StopKind
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
 from dexplan.plans.contacts import Placement
 from dexplan.plans.refusal import Refusal, RefusalKind
-from dexplan.spatial import Array
 
-RollingGrip = tuple[int | None, ...]
-"""Per finger the number of its touch, None where it is free (at home)."""
-SLIP_CAP = 5e-4
-"""How far a tip may slide on the object in one carry, by the law of pivoting contacts [m]; MuJoCo is within 3 % of it."""
 MOST = 40
 """So many sites are tried for each contact that a landing could hold with, those first that take the least of the cone."""
 LIKE_DIRECTIONS = 40
@@ -33,16 +29,23 @@ LIKE_DIRECTIONS = 40
 
 @dataclass(eq=False)
 class RollingContacts:
-    """Answers along the way of ``touches``: one stretch.  A grip has the numbers of touches, and stays the same when carried."""
+    """Answers along the way of the ``stations``: one stretch.  A grip has numbers of touches, and stays as it is when carried."""
 
-    touches: RollingTouches
-    hold: RollingHold
-    slip_cap: float = SLIP_CAP
-    _stations: dict[tuple[RollingGrip, int, bool], Station] = field(default_factory=dict, init=False)
+    stations: RollingStations
     _ways: dict[tuple[int, RollingGrip, int, bool], Way] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         self._kinds = spread_directions(LIKE_DIRECTIONS)
+
+    @property
+    def touches(self) -> RollingTouches:
+        """All touches along the way."""
+        return self.stations.touches
+
+    @property
+    def hold(self) -> RollingHold:
+        """What judges a station."""
+        return self.stations.hold
 
     @property
     def hand(self) -> HandModel:
@@ -102,7 +105,7 @@ class RollingContacts:
         if at.stop == known.last or most == 0:
             return Reach(0, Stop(StopKind.GOAL if at.stop == known.last else StopKind.SHORTER))
         station = int(known.stops[at.stop])
-        states = self._states(grip, station)
+        states = self.stations.list_states(grip, station)
         steering = self.hold.steer(states, known.stations[station], known.compute_twist(station))
         if not steering.may_carry:
             names = tuple(self.hand.fingers[f].name for f in self.list_touching(grip))
@@ -123,66 +126,15 @@ class RollingContacts:
 
     def refuse_carry(self, grip: RollingGrip, at: Progress, stops: int) -> Refusal | None:
         """Return why a grip cannot take the object so many stops on: the stops are looked at, and the slip between them."""
-        return self._judge_carry(grip, at, stops, is_thorough=False).refusal
+        return self.stations.judge_carry(grip, at, stops, is_thorough=False).refusal
 
     def judge_carry(self, grip: RollingGrip, at: Progress, stops: int) -> Verdict:
         """Return the worst margins at all stations of the way, or the first refusal."""
-        return self._judge_carry(grip, at, stops, is_thorough=True)
-
-    def _judge_carry(self, grip: RollingGrip, at: Progress, stops: int, is_thorough: bool) -> Verdict:
-        known = self.touches
-        marks = known.stops[at.stop : at.stop + stops + 1]
-        looks = range(int(marks[0]), int(marks[-1]) + 1) if is_thorough else [int(k) for k in marks]
-        rows, slips, before = list[Margins](), dict[int, float](), None
-        for station in looks:
-            found = self._judge(grip, station, is_moving=True)
-            if found.margins.refusal is not None:
-                return Verdict(worst(rows), found.margins.refusal)
-            rows.append(found.margins)
-            assert found.forces is not None
-            rates = dict(zip(self.list_touching(grip), found.forces.slip_per_turn, strict=True))
-            if before is not None:
-                for f, rate in rates.items():
-                    turned = self._pivot(grip, f, station) - self._pivot(grip, f, before)
-                    slips[f] = slips.get(f, 0.0) + rate * abs(turned)
-            before = station
-        for f, slip in slips.items():
-            if slip > self.slip_cap:
-                name = self.hand.fingers[f].name
-                return Verdict(worst(rows), Refusal(RefusalKind.PIVOT_SLIP, (name,), slip, self.slip_cap))
-        return Verdict(worst(rows))
-
-    def measure_slips(self, grip: RollingGrip, at: Progress, stops: int) -> Array:
-        """Return how far (F,) [m] every tip slides in a carry by the law, summed over all stations with planned forces."""
-        out = np.zeros(len(grip))
-        first, last = int(self.touches.stops[at.stop]), int(self.touches.stops[at.stop + stops])
-        for station in range(first + 1, last + 1):
-            forces = self._judge(grip, station, is_moving=True).forces
-            assert forces is not None
-            for f, rate in zip(self.list_touching(grip), forces.slip_per_turn, strict=True):
-                turned = self._pivot(grip, f, station) - self._pivot(grip, f, station - 1)
-                out[f] += rate * abs(turned)
-        return out
-
-    def _pivot(self, grip: RollingGrip, finger: int, station: int) -> float:
-        touch = grip[finger]
-        assert touch is not None
-        return self.touches.touches[touch].get_pivot(station)
+        return self.stations.judge_carry(grip, at, stops, is_thorough=True)
 
     def judge(self, grip: RollingGrip, at: Progress) -> Margins:
         """Return the margins of holding the object still with a grip, all other fingers at home."""
-        return self._judge(grip, int(self.touches.stops[at.stop]), is_moving=False).margins
-
-    def _judge(self, grip: RollingGrip, station: int, is_moving: bool) -> Station:
-        key = grip, station, is_moving
-        if key not in self._stations:
-            known = self.touches
-            twist = known.compute_twist(station) if is_moving else np.zeros(6)
-            self._stations[key] = self.hold.judge(self._states(grip, station), known.stations[station], twist)
-        return self._stations[key]
-
-    def _states(self, grip: RollingGrip, station: int) -> list[TouchState]:
-        return [self.touches.touches[t].at(station) for t in grip if t is not None]
+        return self.stations.judge(grip, int(self.touches.stops[at.stop]), is_moving=False).margins
 
     def list_rests(self, grip: RollingGrip, at: Progress) -> list[tuple[int, RollingGrip]]:
         """Return which contacts can be lifted, each with the grip that is left: two of it seem to hold alone."""
@@ -193,7 +145,7 @@ class RollingContacts:
             if touch is None:
                 continue
             rest = self.change(grip, f, None)
-            states = self._states(rest, station)
+            states = self.stations.list_states(rest, station)
             pairs = [(a, b) for i, a in enumerate(states) for b in states[i + 1 :]]
             if any(
                 np.isfinite(self.hold.estimate_pairs(X_WO, a, b.p_O[None], b.n_O[None])[0]) for a, b in pairs
@@ -211,7 +163,7 @@ class RollingContacts:
             hover = compute_hover(finger, X_WO, state.X_OF, state.n_O, state.q, self.hand.hover)
             arc = build_travel(finger, finger.q_home, hover, X_WO[:3, 3])
             q = self.hand.q_home.copy()
-            for other in self._states(holding, station):
+            for other in self.stations.list_states(holding, station):
                 q[other.finger] = other.q
             around = Surroundings(self.hand, q, X_WO, state.finger, self.list_touching(holding))
             self._ways[key] = find_way(around, arc, looks_around)
@@ -222,7 +174,7 @@ class RollingContacts:
         station = int(self.touches.stops[at.stop])
         R = self.touches.stations[station][:3, :3]
         where: list[int | None] = [None] * len(grip)
-        for state in self._states(grip, station):
+        for state in self.stations.list_states(grip, station):
             where[state.finger] = int(np.argmax(self._kinds @ (R @ state.n_O)))
         return (at.stop, *where)
 

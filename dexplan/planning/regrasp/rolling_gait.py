@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from dexplan.planning.contacts.oracle import Progress
-from dexplan.planning.contacts.rolling_contacts import RollingContacts, RollingGrip
+from dexplan.planning.contacts.rolling_contacts import RollingContacts
+from dexplan.planning.contacts.rolling_stations import RollingGrip
 from dexplan.planning.regrasp.ends import AnyEnd
 from dexplan.planning.regrasp.search import PATIENCE
 from dexplan.planning.search.engine import Engine
