@@ -70,7 +70,7 @@ class RollingBelief:
 class RollingController:
     """Carries out a plan on a scene; :meth:`step` is asked once per ``tick`` [s].
 
-    ``pressed`` collects, per tick, the wished normal forces (F,) [N], and ``at_limit`` whether a joint asks for all its torque.
+    ``unbalanced`` counts the ticks for which no forces were found.
     """
 
     scene: Scene
@@ -89,12 +89,11 @@ class RollingController:
         self._kp = np.stack([f.servo_gain for f in scene.fingers])
         self._kv = np.stack([f.servo_damping for f in scene.fingers])
         self._goal = np.zeros(shape)
+        self._pressing = np.zeros(shape)
         self._grown = np.zeros(6)
         self._number, self._since = 0, 0.0
         self._last: dict[int, Array] = {}
         self._is_begun = False
-        self.pressed: list[Array] = []
-        self.at_limit: list[bool] = []
         self.unbalanced = 0
 
     @property
@@ -113,7 +112,6 @@ class RollingController:
         self._hand.measure(observation.q, observation.qdot)
         torque = self._compute_torque(observation, stretch, wanted, t)
         limited = np.clip(torque, -self._reach, self._reach)
-        self.at_limit.append(bool((np.abs(torque) > 0.999 * self._reach).any()))
         # The servo gives kp (target - q) - kv qdot.
         ctrl = observation.q + (limited + self._kv * observation.qdot) / self._kp
         is_done = self._number == len(self.stretches) - 1 and t >= stretch.duration
@@ -228,16 +226,14 @@ class RollingController:
         found = self._solver.solve(contacts, wrench, limits)
         self.unbalanced += found is None
         torque = np.zeros_like(self._goal)
-        pressed = np.zeros(len(self._goal))
         for k, f in enumerate(holding):
             if found is not None:
                 torque[f] = _read_torque(found, contacts, k)
-                pressed[f] = found.forces[k, 2]
                 if stretch.doing is not Doing.UNLOAD:
                     self._last[f] = found.forces[k]
-        self.pressed.append(pressed)
-        self._held_torque = torque if found is not None else getattr(self, "_held_torque", torque)
-        return self._held_torque
+        # Where no forces are found the last ones have to do.
+        self._pressing = torque if found is not None else self._pressing
+        return self._pressing
 
     def _move_free(self, stretch: Stretch, seen: Observation, t: float) -> Array:
         """Move the posture commanded of the free finger on; return its rates (J,) [rad/s]."""
