@@ -7,14 +7,22 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from dexplan.builders import build_margin_limits
+from dexplan.contact.bodies.names import name_body, name_flats
 from dexplan.page.html import Child, as_data_uri, build, build_picture, build_section
 from dexplan.page.pictures import Pictures
 from dexplan.page.subject import Subject, name_action
 from dexplan.plans.margins import MarginLimits, describe_margins, find_tightest
 from dexplan.plans.words import describe_goal_contacts, explain_action
+from dexplan.viz.body import find_body
 from dexplan.viz.summary_panels import describe_briefly
 from dexplan.viz.timeline import build_action_spans
 
+TERMS = (
+    "A singular posture is one in which a finger cannot move in every direction, as an arm that is stretched out: plans keep "
+    "away from it. Where a shorter motion leaves the better next grasp, the object could be taken further, but the finger that "
+    "lands next finds a better place from here."
+)
+"""Two phrases of plans that a newcomer does not know."""
 MOST_FILM_BYTES = 8_000_000
 """A longer film stays a file of its own beside the page, so that a page can be sent by mail."""
 
@@ -51,8 +59,10 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
         parts.append(build("p", f"Speed: {plan.speed}."))
     if pictures.by_time:
         words = "Pictures show the end of each action, left the hand and right the object: a cone holds the forces that "
-        words += "friction allows, the arrow in it is the force, numbers are fingers."
+        words += "friction allows, the arrow in it is the force, numbers are fingers"
+        words += f"{_tell_faces(subject)}."
         parts.append(build("p", words, class_="note"))
+    parts.append(build("p", TERMS, class_="note"))
     if pictures.missing:
         parts.append(build("p", f"There are no pictures of the hand: {pictures.missing}", class_="note"))
     entries, before, limits = [], plan.start_contacts, build_margin_limits(subject.problem)
@@ -80,6 +90,15 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
         before = action.contacts_end
     parts.append(build("ol", entries, class_="plan"))
     return build_section("plan", f"The plan in words: {len(plan.actions)} actions", parts)
+
+
+def _tell_faces(subject: Subject) -> str:
+    """Return what the letters on the object are, where it has any."""
+    if subject.trace is None:
+        return ""
+    body = find_body(subject.trace.model_xml)
+    letters = () if body is None else name_flats(body)
+    return f", letters are faces of the {name_body(body)}" if any(letters) else ""
 
 
 def _build_margins(margins: Mapping[str, float], limits: MarginLimits) -> Element | None:

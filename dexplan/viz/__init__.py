@@ -1,6 +1,7 @@
 """Values in, files out: the film of a run, its summary, maps of what a hand reaches, rows of frames.
 
 ==================  ==================================================================================
+``body``            ``read_body``: which body a model's object is
 ``video``           ``render_video``, ``render_frame``: offscreen, in a process of their own
 ``film``            ``FilmOptions``: size, cameras, pictures per second, quality; ``Film``: what was made
 ``story``           what a film tells: which finger moves, why, where it is to end
@@ -21,6 +22,7 @@
 """
 
 __all__ = [
+    "body",
     "canvas",
     "check_words",
     "curves",

@@ -37,6 +37,11 @@ def read_body(model: mujoco.MjModel) -> ConvexBody | None:
     return None
 
 
+def find_body(xml: str) -> ConvexBody | None:
+    """Return the object's body in the model of the text ``xml``; None for a shape that is not known here."""
+    return read_body(mujoco.MjModel.from_xml_string(xml))
+
+
 def _read_vertices(model: mujoco.MjModel, geom: int) -> Array:
     """Return a mesh's vertices (V, 3) [m] in the axes of its body; MuJoCo keeps them about the mesh's own centre of mass."""
     mesh = int(model.geom_dataid[geom])

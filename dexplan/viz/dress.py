@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dexplan.contact.bodies.body import ConvexBody
 from dexplan.contact.bodies.smooth import BallBody
 from dexplan.spatial import Array
-from dexplan.viz.body import SURFACE, read_body
+from dexplan.viz.body import SURFACE, find_body
 from dexplan.viz.coat import Coat, build_coat
 from dexplan.viz.palette import as_rgb, get_finger_color
 from dexplan.viz.skins import build_cube_directions, paint_object, paint_tip
@@ -71,7 +71,7 @@ def dress_model(xml: str, fingers: tuple[str, ...]) -> mujoco.MjModel:
     model does not have stay away.
     """
     spec = mujoco.MjSpec.from_string(xml)
-    body = read_body(mujoco.MjModel.from_xml_string(xml))
+    body = find_body(xml)
     coat = _add_coat(spec, body)
     for k, finger in enumerate(fingers):
         _add_ghost(spec, finger, as_rgb(get_finger_color(k)))

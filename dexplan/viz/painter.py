@@ -16,6 +16,7 @@ from dexplan.viz.dress import dress_model
 from dexplan.viz.facts import compute_facts
 from dexplan.viz.film import QUALITIES, FilmOptions
 from dexplan.viz.layout import LEAST_LEGEND, Box, lay_out
+from dexplan.viz.pattern import has_edges
 from dexplan.viz.sketch import Sketch
 from dexplan.viz.stage import Projection, Stage, View
 from dexplan.viz.story import Story, tell_story
@@ -127,7 +128,10 @@ class Painter:
         goals = sum(point is not None for point in self._story.goal_points)
         has_ghost = self._story.X_WO_goal is not None and abs(self._story.turn or 0.0) > np.radians(0.5)
         later = any(episode.start > self._trace["time"][0] for episode in self._facts.episodes)
-        return panels.pick_legend(self._has_contacts, has_ghost, later, goals, name_body(self._stage.body))
+        body = self._stage.body
+        return panels.pick_legend(
+            self._has_contacts, has_ghost, later, goals, name_body(body), has_edges(body)
+        )
 
     def _note_progress(self, sample: int) -> list[str]:
         """Return what is said of the goal besides its turn."""

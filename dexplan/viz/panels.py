@@ -9,6 +9,7 @@ import numpy as np
 from dexplan.viz.layout import Box
 from dexplan.viz.marks import GHOST_COLOR
 from dexplan.viz.palette import INK, get_finger_color, get_share_color
+from dexplan.viz.pattern import BAND_INK
 from dexplan.viz.sketch import Sketch, measure_text
 from dexplan.viz.story import Chapter
 from dexplan.viz.timeline import GaitRow, Span
@@ -19,6 +20,7 @@ BIG, SMALL, TINY = 23.0, 15.5, 12.5
 """Sizes of texts in a picture of 1280 x 720 [pixels]."""
 LEAST_TEXT = 9.0
 LEAD = "#F2C14E"
+EDGES = "#" + "".join(f"{part:02X}" for part in BAND_INK)
 CLOCK_ROOM = "99.9 s of 999 s, 2 x"
 """No time takes more room."""
 SLIDES = 1.0
@@ -269,13 +271,15 @@ def _draw_symbol(sketch: Sketch, kind: str, x: float, y: float, size: float) -> 
         case "trail":
             sketch.draw_line([(x - 0.8 * size, y), (x + 0.6 * size, y)], get_finger_color(1), 3.0)
             sketch.draw_disc((x - 0.8 * size, y), 0.25 * size, get_finger_color(1))
+        case "edges":
+            sketch.draw_line([(x - size, y), (x + size, y)], EDGES, 2.0)
         case "moving":
             sketch.draw_disc((x, y), 0.62 * size, None, INK, 2.0)
             sketch.draw_disc((x, y), 0.38 * size, QUIET)
 
 
 def pick_legend(
-    has_cones: bool, has_ghost: bool, has_targets: bool, goals: int, thing: str
+    has_cones: bool, has_ghost: bool, has_targets: bool, goals: int, thing: str, has_edges: bool = False
 ) -> tuple[tuple[str, str], ...]:
     """Return the entries of a legend for what a film shows; ``thing`` is what the object is called."""
     entries = [
@@ -284,6 +288,7 @@ def pick_legend(
         (goals > 0, "goal", "where a finger has to touch in the end"),
         (has_targets, "target", "where a free finger touches next"),
         (has_cones, "trail", f"where the {thing} has been touched"),
+        (has_edges, "edges", "nearer to an edge no contact is made"),
         (has_targets, "moving", "this finger lands or leaves: it may slide, the others hold"),
     ]
     return tuple((kind, words) for is_there, kind, words in entries if is_there)

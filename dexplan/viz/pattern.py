@@ -11,7 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dexplan.contact.bodies.body import ConvexBody, Flat
+from dexplan.contact.bodies.polyhedron import PolyhedronBody
 from dexplan.contact.bodies.smooth import BallBody
+from dexplan.icosphere import build_icosphere
+from dexplan.planning.contacts.still import EDGE_BAND
 from dexplan.spatial import Array, rotate_about
 from dexplan.viz.skins import GRID, IVORY, SHADE, STRIPE
 
@@ -19,6 +22,8 @@ TINTS = (IVORY, SHADE, (190, 213, 236), (150, 180, 210), (206, 226, 178), (170, 
 """Of faces, in the order of ``body.flats``: opposite faces of a box have a light and a dark tint of one hue, no finger's."""
 EDGE_INK = (96, 90, 78)
 """Of edges."""
+BAND_INK = (196, 92, 60)
+"""Of the line so far from edges as contacts keep from them."""
 THIN = 0.014
 """Half width of a thin line, as a share of the body's :func:`measure_slenderness`, as all that follows."""
 BAND, HEAD_TIP, HEAD_END, HEAD_WIDTH = 0.08, -0.24, 0.21, 0.27
@@ -82,8 +87,8 @@ def paint_flat(body: ConvexBody, k: int, points: Array, letter: Letter | None, i
         is_on = (row >= 0) & (row < ink.shape[0]) & (column >= 0) & (column < ink.shape[1])
         share = np.where(is_on, ink[row * is_on, column * is_on], 0.0)[..., None]
         color += share * (np.array(STRIPE) - color)
+    _mark_edges(body, points, color)
     color[is_on_arrow(body, points)] = STRIPE
-    color[body.measure_edge_distance(points) < 1.6 * THIN * measure_slenderness(body)] = EDGE_INK
     return color
 
 
@@ -96,8 +101,23 @@ def paint_round(body: ConvexBody, points: Array, azimuth: Array) -> Array:
     between = RING_STEP * scale
     rings = np.abs((z + 0.5 * between) % between - 0.5 * between)
     color[(off < THIN * scale) | (rings < THIN * scale)] = GRID
+    _mark_edges(body, points, color)
     color[is_on_arrow(body, points)] = STRIPE
     return color
+
+
+def has_edges(body: ConvexBody | None) -> bool:
+    """Return whether a body has sharp edges."""
+    if body is None:
+        return False
+    return bool(np.isfinite(body.measure_edge_distance(body.radial(build_icosphere(2).vertices))).any())
+
+
+def _mark_edges(body: ConvexBody, points: Array, color: Array) -> None:
+    """Paint edges, and the line beyond which the planner makes no contacts, over the ``color`` of points (..., 3) [m]."""
+    away, half = body.measure_edge_distance(points), THIN * measure_slenderness(body)
+    color[np.abs(away - EDGE_BAND) < 0.7 * half] = BAND_INK
+    color[away < 1.6 * half] = EDGE_INK
 
 
 def is_on_arrow(body: ConvexBody, points: Array) -> Array:
@@ -111,7 +131,10 @@ def is_on_arrow(body: ConvexBody, points: Array) -> Array:
 
 
 def trace_arrow(body: ConvexBody, raised: float) -> tuple[Array, ...]:
-    """Return the arrow as lines (N, 3) [m], each ``raised`` [m] above the surface: its shaft, then both sides of its head."""
+    """Return the arrow as lines (N, 3) [m]: its shaft, then both sides of its head.
+
+    They are ``raised`` [m] above the surface, on a polyhedron a little less.
+    """
     if isinstance(body, BallBody):
         return _trace_on_ball(body.radius + raised)
     scale = measure_slenderness(body)
@@ -139,4 +162,7 @@ def _trace_on_ball(reach: float) -> tuple[Array, ...]:
 
 
 def _raise(body: ConvexBody, points: Array, raised: float) -> Array:
+    if isinstance(body, PolyhedronBody):
+        # From face to face normals jump, and a line over many faces would, too.
+        return np.asarray(points * (1.0 + raised / np.linalg.norm(points, axis=-1, keepdims=True)))
     return np.asarray(points + raised * body.normal_at(points))

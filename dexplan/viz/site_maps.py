@@ -20,10 +20,12 @@ from matplotlib.lines import Line2D
 
 from dexplan.contact.bodies.names import name_body, name_flats
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.still import EDGE_BAND
 from dexplan.spatial import Array, angles_from_direction
 from dexplan.viz.body_view import draw_body, draw_dots, look_from
 from dexplan.viz.canvas import write_picture
 from dexplan.viz.palette import ALARM, INK, get_finger_color
+from dexplan.viz.pattern import has_edges
 from dexplan.viz.site_reach import ASIDE, BEYOND, Flags, SitePair, SiteReach, compute_site_reach
 
 VIEW = 1.75
@@ -46,8 +48,8 @@ def describe_site_reach(hand: HandModel) -> str:
         f"believed friction: sliding {friction.sliding:.3f}, torsional {1e3 * friction.torsional:.2f} mm; two contacts hold "
         f"where the line between them is within {least:.1f} deg of both normals ({kept:.1f} deg with the planner's margin)",
         "",
-        f"where each finger lands on the {thing} with the tip's pole on the contact, of {count} places all over it, "
-        "none beside an edge",
+        f"where each finger lands on the {thing} with the tip's pole on the contact, of {count} places all over it"
+        f"{_tell_edges(hand)}",
         "",
     ]
     lines += [_describe_finger(hand, reach, finger) for finger in range(len(hand.fingers))]
@@ -57,6 +59,11 @@ def describe_site_reach(hand: HandModel) -> str:
     ]
     lines += [_describe_pair(hand, reach, pair) for pair in reach.pairs]
     return "\n".join(lines)
+
+
+def _tell_edges(hand: HandModel) -> str:
+    """Return what is said of places beside edges, where there are edges."""
+    return f", none within {1e3 * EDGE_BAND:.0f} mm of an edge" if has_edges(hand.object.body) else ""
 
 
 def _describe_finger(hand: HandModel, reach: SiteReach, finger: int) -> str:
@@ -220,8 +227,8 @@ def _write_headings(figure: Figure, hand: HandModel, reach: SiteReach) -> None:
         figure.text(0.02, 1.0 - below / height, words, fontsize=size, va="center", **look)
 
     write("What the hand can do here", 0.30, 16, weight="bold")
-    what = f"The {thing} at home with {count} places to land on, none beside an edge; each finger sees it from its own side "
-    what += "and from behind."
+    what = f"The {thing} at home with {count} places to land on{_tell_edges(hand)}; each finger "
+    what += "sees it from its own side and from behind."
     write(what, 0.62, 10.5)
     ring: dict[str, Any] = {"marker": "o", "linestyle": ""}
     keys = [

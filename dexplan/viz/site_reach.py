@@ -11,29 +11,22 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from dexplan.brief import brief_repr
 from dexplan.contact.bodies.body import ConvexBody
-from dexplan.contact.bodies.sites import Sites, build_sites
+from dexplan.contact.bodies.sites import Sites
 from dexplan.grasp.pairs import measure_chord_lean
-from dexplan.icosphere import build_icosphere
-from dexplan.kinematics.chain import compute_joint_margin
-from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
+from dexplan.planning.contacts.still import build_landings, list_sites
 from dexplan.plans.refusal import RefusalCount
-from dexplan.spatial import Array, build_frame, lock_arrays, make_pose
+from dexplan.spatial import Array, lock_arrays
 
 Flags = NDArray[np.bool_]
 
-SITES = 300
-"""About so many sites are spread over a body."""
 ASIDE = 20.0
 """Views are turned by so much, so that a box does not show one face alone [deg]."""
-EDGE_BAND = 0.003
-"""No site is nearer to a sharp edge [m]."""
 PLACEMENTS = 120
 """At most so many placements per pair are asked about, spread over how far their lines lean."""
 BEYOND = np.radians(4.0)
@@ -98,7 +91,7 @@ class SiteReach:
 def compute_site_reach(hand: HandModel) -> SiteReach:
     """Return landings and pairs of ``hand`` with the object at home; the last hand's are kept."""
     body, limits = hand.object.body, hand.limits
-    sites, home = spread_sites(body), hand.object.X_WO_home
+    sites, home = list_sites(body), hand.object.X_WO_home
     landings = [find_landings(hand, finger, sites, home) for finger in range(len(hand.fingers))]
     lean_max = compute_pair_angle_max(hand.friction)
     kept = compute_pair_angle_max(hand.friction.scaled(limits.cone_share)) - limits.closure_margin
@@ -126,31 +119,18 @@ def find_faces(body: ConvexBody, points: Array) -> NDArray[np.intp]:
     return face
 
 
-def spread_sites(body: ConvexBody) -> Sites:
-    """Return about ``SITES`` sites all over a body, none beside a sharp edge."""
-    # Sites in a hexagonal grid have sqrt(3) / 2 of their spacing squared each.
-    area = float(ConvexHull(body.radial(build_icosphere(4).vertices)).area)
-    return build_sites(body, float(np.sqrt(area / (np.sqrt(0.75) * SITES))), EDGE_BAND)
-
-
 def find_landings(hand: HandModel, finger: int, sites: Sites, X_WO: Array) -> tuple[Flags, Array]:
     """Return on which sites (S,) a finger can land with its tip's pole along the normal, and its postures there (S, J).
 
-    ``X_WO`` (4, 4) is the pose of the object.
+    ``X_WO`` (4, 4) is the pose of the object; no contact is made where none is allowed.
     """
-    description, workspace = hand.fingers[finger], hand.workspaces[finger]
-    chain = description.chain
-    if not len(workspace.postures):
-        return np.zeros(len(sites), dtype=bool), np.zeros((len(sites), chain.n_joints))
-    normals = sites.normals @ X_WO[:3, :3].T
-    centers = sites.points @ X_WO[:3, :3].T + X_WO[:3, 3] + description.tip_radius * normals
-    X_WF = np.stack([make_pose(build_frame(-n), c) for n, c in zip(normals, centers, strict=True)])
-    q, reached = solve_tip_pose(workspace, X_WF)
-    if chain.has_tip_roll:
-        q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
-    reached &= compute_joint_margin(chain, q) >= hand.limits.joint_margin
-    reached[reached] = estimate_dexterity(chain, q[reached]) >= hand.limits.dexterity
-    return reached & hand.object.allows(sites.normals), q
+    found = build_landings(hand, X_WO, finger, sites.normals, sites.points)
+    lands = np.array([placement is not None for placement in found], dtype=bool)
+    q = np.zeros((len(sites), hand.fingers[finger].chain.n_joints))
+    for row, placement in enumerate(found):
+        if placement is not None:
+            q[row] = placement.q
+    return lands & hand.object.allows(sites.normals), q
 
 
 def _compute_pair(

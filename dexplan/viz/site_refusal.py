@@ -22,10 +22,11 @@ from dexplan.contact.bodies.sites import Sites
 from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
+from dexplan.planning.contacts.still import list_sites
 from dexplan.spatial import Array, angles_from_direction, lock_arrays
 from dexplan.viz.body_view import Sight, draw_body, draw_dots, look_from
 from dexplan.viz.palette import ALARM, INK, get_finger_color
-from dexplan.viz.site_reach import ASIDE, find_landings, spread_sites
+from dexplan.viz.site_reach import ASIDE, find_landings
 
 REACH = 2.6
 """Length of a drawn cone, in units of the body's size."""
@@ -84,7 +85,7 @@ def draw_landings(
 
     ``asked`` are points (3,) [m] on the object; ``place`` (left, bottom, width, height) is the part of the figure.
     """
-    body, sites = hand.object.body, spread_sites(hand.object.body)
+    body, sites = hand.object.body, list_sites(hand.object.body)
     left, bottom, width, height = (float(x) for x in place)
     each = width / len(hand.fingers)
     for finger in range(len(hand.fingers)):

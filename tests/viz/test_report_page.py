@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.image import imsave
+from other_bodies import BODIES, swap_trace
 from turning_run import make_plan, make_trace
 
 from dexplan import run_folder
@@ -142,6 +143,13 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 @pytest.fixture
 def problem() -> Problem:
     return replace(load_problem("hold_three"), summary=NASTY)
+
+
+@pytest.mark.usefixtures("drawn")
+def test_letters_on_a_box_are_explained(tmp_path: Path, problem: Problem) -> None:
+    for trace, is_told in ((make_trace(), False), (swap_trace(make_trace(), BODIES["box"]), True)):
+        page = check_page(write_report(tmp_path, problem, make_plan(), trace, make_report()))
+        assert any("letters are faces of the box" in words for words in page.words) == is_told
 
 
 def test_a_pass_has_everything(tmp_path: Path, problem: Problem, drawn: list[float]) -> None:

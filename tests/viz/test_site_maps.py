@@ -14,6 +14,7 @@ from small_hand import make_hand
 from dexplan.contact.bodies.edged import BoxBody
 from dexplan.planning.admissible.admissibility import Margins
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.still import EDGE_BAND
 from dexplan.viz import site_reach
 from dexplan.viz.body_view import look_from
 from dexplan.viz.maps import describe_reach, draw_reach
@@ -46,7 +47,6 @@ def _without_loads(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_ball_seen_as_any_body_agrees_with_its_closed_forms(monkeypatch: pytest.MonkeyPatch) -> None:
     """Regions are shares of the surface there, and shares of evenly spread sites here; loads are of like placements."""
     monkeypatch.setattr(site_reach, "PLACEMENTS", 30)
-    monkeypatch.setattr(site_reach, "SITES", 500)
     hand = make_hand()
     sites, known = compute_site_reach(hand), compute_reach(hand)
     for finger, region in enumerate(known.regions.contactable):
@@ -69,7 +69,7 @@ def test_a_box_is_held_across_opposite_faces() -> None:
     hand = hold(BoxBody(0.03, 0.027, 0.025))
     reach = compute_site_reach(hand)
     assert set(reach.face.tolist()) == set(range(6))
-    assert (hand.object.body.measure_edge_distance(reach.sites.points) >= site_reach.EDGE_BAND - 1e-9).all()
+    assert (hand.object.body.measure_edge_distance(reach.sites.points) >= EDGE_BAND - 1e-9).all()
     for pair in reach.pairs:
         faces = [set(reach.face[held].tolist()) for held in pair.holds]
         assert {k ^ 1 for k in faces[0]} == faces[1]

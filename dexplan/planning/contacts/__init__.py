@@ -12,6 +12,7 @@
 ``held``              contacts of such a table, and questions to it
 ``stops``             what ends the motion that a contact is carried through
 ``still``             ``StillContacts``: contacts around an object that stands still, of any place and posture
+``start_pairs``       ``list_pairs``: pairs of contacts where a plan may begin if the planner may choose
 ``track``             ``Track``: the object's way, with stops at which fingers may be relocated
 ``layers``            ``Layers``: the same at every one of several poses, and how contacts are carried on
 ``rolling_contacts``  ``RollingContacts``: the oracle for fingers whose contacts roll
@@ -45,6 +46,7 @@ __all__ = [
     "rolling_stations",
     "rolling_touches",
     "site_contacts",
+    "start_pairs",
     "states",
     "still",
     "stops",

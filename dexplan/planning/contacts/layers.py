@@ -35,18 +35,26 @@ class CarriedSpot:
 
 @dataclass(eq=False)
 class Layers:
-    """The contacts at every stop of the object's ``track``; one pose where it stands still."""
+    """The contacts at every stop of the object's ``track``; one pose where it stands still.
+
+    ``looks_ahead``: tips land with the spin that the carry ahead asks for.
+    """
 
     hand: HandModel
     admissibility: Admissibility
     track: Track
+    looks_ahead: bool = False
     poses: list[StillContacts] = field(default_factory=list)
     _promises: dict[tuple[int, int, int], Array] = field(default_factory=dict)
     _carried: dict[tuple[int, int], CarriedSpot] = field(default_factory=dict)
     _verdicts: dict[tuple[int, Stand, bool], Verdict] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.poses = [StillContacts(self.hand, X, self.admissibility) for X in self.track.poses]
+        poses = self.track.poses
+        self.poses = [
+            StillContacts(self.hand, X, self.admissibility, poses[k + 1 :] if self.looks_ahead else ())
+            for k, X in enumerate(poses)
+        ]
 
     @property
     def last(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -25,6 +26,7 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.admissible.order import keeps_order
 from dexplan.planning.admissible.separation import compute_pair_angle_max
+from dexplan.planning.contacts.spins import center_spins
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
 from dexplan.plans.contacts import Placement
@@ -136,6 +138,7 @@ class SpotPairs:
 class StillContacts:
     """All contacts considered while the object stands at ``X_WO`` (4, 4); answers are kept.
 
+    ``ahead``: poses that the object comes to later, for which landings choose their spin; none where that is not asked.
     ``labels`` says of every spot whether it is a goal contact (0), one from which a goal contact is rolled to (1, 2, ..), or
     neither (None).
     """
@@ -143,6 +146,7 @@ class StillContacts:
     hand: HandModel
     X_WO: Array
     admissibility: Admissibility
+    ahead: Sequence[Array] = ()
     spots: list[Placement] = field(default_factory=list)
     labels: list[int | None] = field(default_factory=list)
     _states: list[FingerState] = field(default_factory=list)
@@ -186,7 +190,8 @@ class StillContacts:
             home = self.hand.p_WF_home[finger] - self.X_WO[:3, 3]
             rows = self.hand.object.allows(sites.normals) & (sites.normals @ self.X_WO[:3, :3].T @ home > 0.0)
             found = build_landings(self.hand, self.X_WO, finger, sites.normals[rows], sites.points[rows])
-            self._landings[finger] = self.add_all([p for p in found if p is not None])
+            landed = center_spins(self.hand, [p for p in found if p is not None], self.ahead)
+            self._landings[finger] = self.add_all(landed)
         return self._landings[finger]
 
     def loads(self, finger: int, partner: int) -> Array:

@@ -5,11 +5,14 @@ Slower than a gait on orbits, which serves bodies that look the same all around 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.oracle import Progress
 from dexplan.planning.contacts.site_contacts import SiteContacts
+from dexplan.planning.contacts.start_pairs import list_pairs
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.build import build_moves
 from dexplan.planning.regrasp.ends import AnyEnd
@@ -17,7 +20,7 @@ from dexplan.planning.regrasp.moves import Move
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.search import PATIENCE
 from dexplan.planning.search.engine import Engine
-from dexplan.planning.search.nodes import Node
+from dexplan.planning.search.nodes import Node, trace_back
 from dexplan.planning.search.stepwise import StepProblem
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.refusal import Refusal, RefusalKind
@@ -25,15 +28,34 @@ from dexplan.plans.refusal import Refusal, RefusalKind
 START = Progress(0, 0)
 
 
-class SiteGait:
-    """Searches moves that take the object along a ``track`` from the contacts ``start``; can be asked to go on."""
+@dataclass(frozen=True, eq=False)
+class FoundGait:
+    """The ``moves`` that take the object along its track, from the contacts ``start``."""
 
-    def __init__(self, hand: HandModel, admissibility: Admissibility, track: Track, start: Contacts) -> None:
-        layers = Layers(hand, admissibility, track)
-        self.start, self._contacts = start, SiteContacts(layers)
+    start: Contacts
+    moves: tuple[Move, ...]
+
+
+class SiteGait:
+    """Searches moves that take the object along a ``track`` from the contacts ``start``; can be asked to go on.
+
+    ``start`` None: from any pair that holds the object where it is.
+    """
+
+    def __init__(
+        self, hand: HandModel, admissibility: Admissibility, track: Track, start: Contacts | None
+    ) -> None:
+        layers = Layers(hand, admissibility, track, looks_ahead=True)
+        self._contacts, first = SiteContacts(layers), layers.poses[0]
         self._engine = Engine(StepProblem(self._contacts, AnyEnd(), RelocationBound(layers, None)), PATIENCE)
-        stand = tuple(None if c is None else layers.poses[0].add(c) for c in start)
-        self._engine.push(Node(START, stand))
+        stands = (
+            list_pairs(first)
+            if start is None
+            else [tuple(None if c is None else first.add(c) for c in start)]
+        )
+        self.has_start = bool(stands)
+        for number, stand in enumerate(stands):
+            self._engine.push(Node(START, stand, origin=number))
 
     @property
     def opened(self) -> int:
@@ -45,13 +67,14 @@ class SiteGait:
         """Whether there is nothing left to open."""
         return self._engine.is_exhausted
 
-    def run(self, nodes: int) -> tuple[Move, ...] | None:
+    def run(self, nodes: int) -> FoundGait | None:
         """Open up to ``nodes`` more nodes; return the moves to the end of the track, None where that was not come to."""
         last = self._engine.run(nodes)
         if last is None:
             return None
         nothing: Contacts = (None,) * len(self._contacts.hand.fingers)
-        return build_moves(self._contacts, last, nothing, None)
+        start = self._contacts.layers.poses[0].placements(trace_back(last)[0].grip)
+        return FoundGait(start, build_moves(self._contacts, last, nothing, None))
 
     def explain(self) -> Refusal:
         """Return what stopped the search nearest to the end."""

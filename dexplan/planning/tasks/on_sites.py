@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import count
 
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.joining import build_move_actions, enclose
 from dexplan.planning.admissible.admissibility import Admissibility
@@ -16,9 +17,8 @@ from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.contacts.still import build_landings
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.gait.routes import build_routes
-from dexplan.planning.regrasp.any_grip import SiteGait
-from dexplan.planning.regrasp.moves import Move
-from dexplan.planning.tasks.blocked import find_start_normal, refuse_start_contact
+from dexplan.planning.regrasp.any_grip import FoundGait, SiteGait
+from dexplan.planning.tasks.blocked import StartContact, find_start_normal, refuse_start_contact
 from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import refuse
 from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
@@ -27,6 +27,7 @@ from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
+from dexplan.plans.refusal import Refusal, RefusalKind
 from dexplan.plans.status import Status
 
 STRETCH = 20
@@ -40,7 +41,7 @@ def plan_rotation_on_sites(hand: HandModel, goal: RotationGoal, start: Start, no
     of those that refuse a start.
     """
     admissibility = Admissibility(hand)
-    landed = _land_start(hand, goal, start, admissibility)
+    landed = None if start is None else _land_start(hand, goal, start)
     if isinstance(landed, No):
         return refuse(hand, goal, landed.status, landed.reason, landed.refusal)
     tracks = [Track(tuple(map(_as_motion, route))) for route in build_routes(goal)]
@@ -50,17 +51,19 @@ def plan_rotation_on_sites(hand: HandModel, goal: RotationGoal, start: Start, no
         # One route more has its turn every time; each goes on where it stopped.
         if turn < len(tracks):
             first = tracks[turn].motions[0]
-            contacts = tuple(None if c is None else center_spin(hand, c, first) for c in landed)
+            contacts = landed and tuple(None if c is None else center_spin(hand, c, first) for c in landed)
             begun.append(SiteGait(hand, admissibility, tracks[turn], contacts))
+            if not begun[0].has_start:
+                return _refuse_every_start(hand, goal, admissibility)
         going = [gait for gait in begun if not gait.is_exhausted]
         if opened >= node_budget or not (going or turn < len(tracks)):
             break
         for gait in going:
             before = gait.opened
-            moves = gait.run(min(STRETCH, node_budget - opened))
+            found = gait.run(min(STRETCH, node_budget - opened))
             opened += gait.opened - before
-            if moves is not None:
-                return _build(hand, goal, gait.start, moves, opened)
+            if found is not None:
+                return _build(hand, goal, found, opened)
     why = begun[0].explain()
     status = Status.BUDGET_EXHAUSTED if any(not gait.is_exhausted for gait in begun) else Status.NO_GAIT
     reason = f"no gait on sites within {opened} nodes ({why})"
@@ -71,10 +74,9 @@ def _as_motion(leg: Leg) -> ObjectMotion:
     return ObjectMotion(leg.X_WO_start, leg.axis_W, leg.angle, leg.shift_W)
 
 
-def _build(
-    hand: HandModel, goal: RotationGoal, start: Contacts, moves: tuple[Move, ...], opened: int
-) -> Plan:
-    actions = build_move_actions(moves, start, goal.axis_W)
+def _build(hand: HandModel, goal: RotationGoal, found: FoundGait, opened: int) -> Plan:
+    start = found.start
+    actions = build_move_actions(found.moves, start, goal.axis_W)
     return replace(
         refuse(hand, goal, Status.SOLVED, ""),
         start_contacts=start,
@@ -83,27 +85,26 @@ def _build(
     )
 
 
-def _land_start(
-    hand: HandModel, goal: RotationGoal, start: Start, admissibility: Admissibility
-) -> Contacts | No:
-    """Return the start contacts, or why they cannot be made; where the planner may choose, those of the least strained pair."""
-    X_WO = goal.X_WO_start
-    if start is None:
-        survey = PairSurvey(hand, X_WO, admissibility)
-        pair = survey.find_pair()
-        if pair is None:
-            refusal = explain_no_pair(survey)
-            return No(Status.NO_FORCE_CLOSURE_PAIR, f"no two fingers can hold the object: {refusal}", refusal)
-        i, j, v, w = pair
-        normals = {i: survey.get_normal(v), j: survey.get_normal(w)}
-        start = tuple(normals.get(f) for f in range(len(hand.fingers)))
+def _refuse_every_start(hand: HandModel, goal: RotationGoal, admissibility: Admissibility) -> Plan:
+    """Return the answer where no pair of landings holds the object at its start."""
+    if isinstance(hand.object.body, BallBody):
+        refusal = explain_no_pair(PairSurvey(hand, goal.X_WO_start, admissibility))
+    else:
+        refusal = Refusal(RefusalKind.NO_PLACE)
+    reason = f"no two fingers can hold the object: {refusal}"
+    return refuse(hand, goal, Status.NO_FORCE_CLOSURE_PAIR, reason, refusal)
+
+
+def _land_start(hand: HandModel, goal: RotationGoal, start: tuple[StartContact | None, ...]) -> Contacts | No:
+    """Return the start contacts, or why they cannot be made."""
+    X_WO, body = goal.X_WO_start, hand.object.body
     contacts: list[Placement | None] = []
     for finger, given in enumerate(start):
         if given is None or isinstance(given, Placement):
             contacts.append(given)
             continue
-        normal_O = X_WO[:3, :3].T @ find_start_normal(X_WO, given)
-        landed = build_landings(hand, X_WO, finger, normal_O[None])[0]
+        point_O = body.radial(X_WO[:3, :3].T @ find_start_normal(X_WO, given))
+        landed = build_landings(hand, X_WO, finger, body.normal_at(point_O)[None], point_O[None])[0]
         if landed is None:
             return refuse_start_contact(hand, X_WO, finger, given)
         contacts.append(landed)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -19,6 +20,7 @@ from dexplan.planning.search.cost import Improvement
 from dexplan.planning.search.options import Primitive
 from dexplan.planning.tasks.ends import Beginning
 from dexplan.planning.tasks.object_manipulation import FIRST, plan_rotation
+from dexplan.planning.tasks.on_sites import plan_rotation_on_sites
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
 from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
@@ -47,6 +49,8 @@ def plan_object_manipulation(
     improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan that takes the object to ``goal``; arguments as in :func:`plan_rotation`."""
+    if not isinstance(hand.object.body, BallBody):
+        return plan_rotation_on_sites(hand, goal, start, node_budget)
     plan = plan_rotation(hand, goal, start, node_budget, primitives, improvement)
     touching = sum(c is not None for c in plan.start_contacts)
     if plan.status not in STUCK or touching < 2:
