@@ -171,7 +171,7 @@ def rollout(
         meta={
             "problem": problem.name,
             "seed": problem.seed,
-            "captions": build_captions(plan),
+            "captions": build_captions(plan, scene.object.body),
             **as_run.describe_run(problem, plan.as_dict(), world),
         },
         progress=progress,

@@ -25,9 +25,10 @@ from dexplan.grasp.force.solver import (
     ForceSolver,
     SolverOptions,
 )
+from dexplan.grasp.wrench import MassProperties
 from dexplan.plans.pace import smooth_step
 from dexplan.scene.scene import Scene
-from dexplan.spatial import GRAVITY, Array, read_only
+from dexplan.spatial import GRAVITY, Array, hat, read_only
 
 REFRESH = 5
 """Ticks between two looks at where the contacts are on the object."""
@@ -62,6 +63,15 @@ class _Demand(NamedTuple):
     target: Array
 
 
+def _build_inertia(own: MassProperties) -> Array:
+    """Return what makes of accelerations (6,) of the origin, linear then angular, the wrench about it; object axes."""
+    across = hat(own.com)
+    coupling = own.mass * across
+    return np.block(
+        [[own.mass * np.eye(3), -coupling], [coupling, own.inertia - coupling @ across]],
+    )
+
+
 class ForceControl:
     """Asks for forces that give the object the wrench it needs."""
 
@@ -73,11 +83,7 @@ class ForceControl:
         self._torque = np.stack([f.torque_limit for f in scene.fingers])
         self._friction = SoftFinger(options.sliding, options.torsional).scaled(CONE_SHARE)
         self._none, self._nothing = np.full((self._shape[0], 4), np.nan), read_only(np.zeros(self._shape))
-        self._inertia = np.zeros((6, 6))
-        self._inertia[:3, :3], self._inertia[3:, 3:] = (
-            scene.object.mass * np.eye(3),
-            scene.object.mass_properties.inertia,
-        )
+        self._inertia = _build_inertia(scene.object.mass_properties)
         self._normal_force = reference.normal_force
         self._floor, self._ceiling = (
             planned if asked is None else asked
@@ -131,7 +137,7 @@ class ForceControl:
         """Return the solver for these holding fingers, made when first asked for, and what goes with it."""
         mode = self._modes.get(holding)
         if mode is None:
-            size = float(np.linalg.norm(self._scene.object.surface.radial(np.array([1.0, 0.0, 0.0]))))
+            size = self._scene.object.body.bound
             settings = ForceSettings((self._friction,) * len(holding), size, friction_weight=GENTLE_FRICTION)
             exchanges = EXCHANGES if self._options.force_solver == "daqp" else 0
             solver = ForceSolver(settings, self._shape[1], SolverOptions(exchanges=exchanges))
@@ -168,7 +174,7 @@ class ForceControl:
             held_at, p_WF = (np.array([poses[i].p for i in holding]) for poses in (carried, self._hand.tips))
             p_OF = (p_WF - observation.X_WO[:3, 3]).dot(R_WO)
             J = np.matmul(R_WO.T, self._hand.compute_jacobians(holding))
-            maps = map_grasp(self._scene.object.surface, held_at, p_OF, J)
+            maps = map_grasp(self._scene.object.body, held_at, p_OF, J)
             self._maps, self._mapped = maps, phase
         self._ticks += 1
         return maps

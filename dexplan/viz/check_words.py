@@ -98,7 +98,7 @@ _WORDS: dict[str, tuple[str, str]] = {
     ),
     "contact_error_final": (
         "contacts off their goals",
-        "The largest angle on the object between a finger's last contact and the contact that the goal asks for.",
+        "How far on the object any finger's last contact is from the contact that the goal asks for; on a ball an angle.",
     ),
     # contacts
     "contact_schedule": (

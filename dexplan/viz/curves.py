@@ -13,10 +13,12 @@ from scipy.ndimage import maximum_filter1d
 from scipy.spatial.transform import Rotation
 
 from dexplan.brief import brief_repr
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.plans.plan import Plan
 from dexplan.sim.judge.limits import load_default_limits
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, lock_arrays
+from dexplan.viz.body import read_body
 from dexplan.viz.timeline import choose_axis, compute_turned_angle
 
 LEAST_FORCE = 0.05
@@ -26,7 +28,8 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What is drawn over time (T,): forces [N], utilisation and angles to goal contacts [deg] (T, F), errors [mm], [deg],
+    """What is drawn over time (T,): forces [N], utilisation and how far contacts are from their goals, in
+    ``goal_unit`` (T, F), errors [mm], [deg],
     turns [deg] and shifts [mm].
 
     ``is_quiet`` (T,): farther than ``quiet_distance_s`` from every planned or actual change of contacts; only there the judge
@@ -43,7 +46,8 @@ class Curves:
     turned_reference_deg: Array
     shifted_mm: Array
     shifted_reference_mm: Array
-    goal_angle_deg: Array
+    goal_error: Array
+    goal_unit: str
     is_quiet: Flags
 
     __repr__ = brief_repr
@@ -58,6 +62,7 @@ def compute_curves(problem: Mapping[str, Any] | None, plan: Plan, trace: Trace) 
     ``problem`` is the data of ``problem.toml``, whose limits are shown; without it those of the package are.
     """
     model = mujoco.MjModel.from_xml_string(trace.model_xml)
+    is_ball = isinstance(read_body(model), BallBody | None)
     address = int(model.joint("object/free/").qposadr[0])
     pose, reference = trace["qpos"][:, address : address + 7], trace["object_pose_reference"]
     # A run that diverged ends in samples that are no numbers; curves stop before them.
@@ -85,15 +90,16 @@ def compute_curves(problem: Mapping[str, Any] | None, plan: Plan, trace: Trace) 
         turned_reference_deg=turned_reference,
         shifted_mm=1e3 * np.linalg.norm(pose[:, :3] - start, axis=1),
         shifted_reference_mm=1e3 * np.linalg.norm(reference[:, :3] - start, axis=1),
-        goal_angle_deg=compute_goal_angle(plan, trace),
+        goal_error=compute_goal_error(plan, trace, is_ball),
+        goal_unit="deg" if is_ball else "mm",
         is_quiet=find_quiet(plan, trace, read_limit(problem, "quiet_distance_s")),
     )
 
 
 def read_limit(problem: Mapping[str, Any] | None, name: str) -> float:
-    """Return a limit of the checks: the problem's, or the packaged default where it names none."""
+    """Return a limit of the checks: the problem's, or the packaged default where it names none; NaN for no such limit."""
     acceptance = {} if problem is None else problem.get("acceptance", {})
-    return float(acceptance.get(name, load_default_limits()[name]))
+    return float(acceptance.get(name, load_default_limits().get(name, np.nan)))
 
 
 def compute_utilisation(force: Array, sliding: float, torsional: float) -> Array:
@@ -107,32 +113,39 @@ def compute_utilisation(force: Array, sliding: float, torsional: float) -> Array
     return used
 
 
-def compute_goal_angle(plan: Plan, trace: Trace) -> Array:
-    """Return the angle (T, F) [deg], seen from the object's centre, between each contact and its finger's goal contact.
+def compute_goal_error(plan: Plan, trace: Trace, is_ball: bool) -> Array:
+    """Return how far (T, F) each contact is from its finger's goal contact.
 
-    NaN where a finger does not touch, or has no goal contact.
+    On a ball the angle [deg] seen from its centre, on any other body the distance [mm].  NaN where a finger does not touch, or
+    has no goal contact.
     """
     point = trace["contact_point_O"]
     fingers = len(plan.fingers)
-    angle: Array = np.full((len(point), fingers), np.nan)
+    off: Array = np.full((len(point), fingers), np.nan)
     for finger, contact in enumerate(plan.goal_contacts or ()):
         if contact is None or finger >= fingers:
             continue
-        goal = contact.point_O / np.linalg.norm(contact.point_O)
         here = point[:, finger]
+        if not is_ball:
+            off[:, finger] = 1e3 * np.linalg.norm(here - contact.point_O, axis=1)
+            continue
+        goal = contact.point_O / np.linalg.norm(contact.point_O)
         # atan2 keeps small angles, which the arc cosine loses.
         across = np.linalg.norm(np.cross(here, goal), axis=1)
-        angle[:, finger] = np.degrees(np.arctan2(across, here @ goal))
-    return np.where(trace["contact_active"], angle, np.nan)
+        off[:, finger] = np.degrees(np.arctan2(across, here @ goal))
+    return np.where(trace["contact_active"], off, np.nan)
 
 
-def find_arrivals(curves: Curves, limit_deg: float) -> tuple[float | None, ...]:
-    """Return per finger the time [s] from which on its contact stays within ``limit_deg`` of its goal, None where it does not."""
+def find_arrivals(curves: Curves, limit: float) -> tuple[float | None, ...]:
+    """Return per finger the time [s] from which on its contact stays within ``limit`` of its goal, None where it does not.
+
+    The limit is in the curves' ``goal_unit``.
+    """
     found: list[float | None] = []
-    for angle in curves.goal_angle_deg.T:
-        is_off = np.flatnonzero(~(angle <= limit_deg))
+    for off in curves.goal_error.T:
+        is_off = np.flatnonzero(~(off <= limit))
         first = int(is_off[-1]) + 1 if len(is_off) else 0
-        found.append(float(curves.time[first]) if first < len(angle) else None)
+        found.append(float(curves.time[first]) if first < len(off) else None)
     return tuple(found)
 
 

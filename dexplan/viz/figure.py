@@ -64,7 +64,7 @@ def draw_summary(
     """
     curves = compute_curves(problem, plan, trace)
     spans, rows = build_action_spans(trace), build_gait_rows(trace)
-    goal_limit = read_limit(problem, "contact_error_final_deg")
+    goal_limit = read_limit(problem, f"contact_error_final_{curves.goal_unit}")
     arrivals = find_arrivals(curves, goal_limit)
     used = () if report is None else list_used_limits(report)[:MOST_BARS]
     shown = _choose_panels(plan, len(rows))

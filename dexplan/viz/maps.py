@@ -49,7 +49,7 @@ def describe_reach(hand: HandModel) -> str:
         f"two contacts are force closed from {math.degrees(reach.phi_min):.1f} deg apart",
         "",
         "reach with the tip's pole on the contact (joint margin "
-        f"{math.degrees(limits.joint_margin):.3g} deg, away from singular postures)",
+        f"{math.degrees(limits.joint_margin):.3g} deg, away from postures in which the finger cannot move every way)",
         "            of the surface   azimuth from its own   elevation           any orientation   double region",
     ]
     others = [[j for j in range(len(hand.fingers)) if j != i] for i in range(len(hand.fingers))]
@@ -263,7 +263,7 @@ def _write_headings(figure: Figure, hand: HandModel, reach: Reach, split: float)
         0.05,
         1.0 - 0.60 / height,
         "Regions on the object at home, azimuth across and elevation up, as shares of its surface.  "
-        "Holes: singular postures, joint limits.",
+        "Holes: joint limits, and postures in which the finger could not move every way.",
         fontsize=10.5,
         va="center",
     )

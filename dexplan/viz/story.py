@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from dexplan.brief import brief_repr
+from dexplan.contact.bodies.body import ConvexBody
+from dexplan.contact.bodies.names import name_place
 from dexplan.plans.actions import Action, Hold, MoveObject, Relocate, Roll
 from dexplan.plans.contacts import list_holding
 from dexplan.plans.motion import ObjectMotion
@@ -20,6 +22,7 @@ from dexplan.plans.plan import Plan
 from dexplan.plans.poses import read_pose, write_pose
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array, lock_arrays
+from dexplan.viz.body import find_body
 from dexplan.viz.timeline import choose_axis
 
 PLACING = {
@@ -76,15 +79,18 @@ class Story:
 
 def tell_story(plan: Plan | None, trace: Trace) -> Story:
     """Return what a film of ``trace`` tells: from its plan, without one from what the trace itself carries."""
-    captions = trace.meta.get("captions") if plan is None else build_captions(plan)
+    if plan is None:
+        captions = trace.meta.get("captions")
+    else:
+        captions = build_captions(plan, find_body(trace.model_xml))
     return read_captions(captions if isinstance(captions, Mapping) else {})
 
 
-def build_captions(plan: Plan) -> dict[str, Any]:
-    """Return what a film says of ``plan`` as JSON data that a trace may carry."""
+def build_captions(plan: Plan, body: ConvexBody | None = None) -> dict[str, Any]:
+    """Return what a film says of ``plan`` as JSON data that a trace may carry; of a ``body`` with faces it says on which."""
     points = [None if c is None else c.point_O.tolist() for c in plan.goal_contacts or ()]
     return {
-        "actions": [list(describe_phases(plan, action)) for action in plan.actions],
+        "actions": [list(describe_phases(plan, action, body)) for action in plan.actions],
         "why": [explain(plan, action) for action in plan.actions],
         "movers": [list(find_movers(action)) for action in plan.actions],
         "limiting": [action.limiting_finger for action in plan.actions],
@@ -145,7 +151,7 @@ def find_movers(action: Action) -> tuple[int, ...]:
     return tuple(dict.fromkeys([*own, *rolling]))
 
 
-def describe_phases(plan: Plan, action: Action) -> tuple[str, ...]:
+def describe_phases(plan: Plan, action: Action, body: ConvexBody | None = None) -> tuple[str, ...]:
     """Return what is being done, in words, in each phase of an action, and which finger is near a limit."""
     holders = speak_fingers(plan.fingers, list_holding(action.contacts_end))
     is_many = len(list_holding(action.contacts_end)) != 1
@@ -153,6 +159,7 @@ def describe_phases(plan: Plan, action: Action) -> tuple[str, ...]:
         case Relocate():
             own, texts = speak(plan.fingers[action.finger]), PLACING if action.is_placing else LIFTING
             heads = [texts.get(p.name, f"{{}}: {p.name}").format(own) for p in action.phases]
+            heads = [f"{head}{_name_face(action, body)}" for head in heads]
         case MoveObject():
             heads = [f"{holders} {describe_motion(action.motion, is_many)}"] * len(action.phases)
             if action.rolls:
@@ -169,6 +176,13 @@ def describe_phases(plan: Plan, action: Action) -> tuple[str, ...]:
         near = f"{speak(plan.fingers[limit])} {'comes' if isinstance(action, MoveObject) else 'is'} near its limit"
         heads = [f"{head} · {near}" for head in heads]
     return tuple(heads)
+
+
+def _name_face(action: Relocate, body: ConvexBody | None) -> str:
+    """Return on which face of a body a finger is placed; nothing where the body has no letters or the finger is lifted."""
+    placement = action.contacts_end[action.finger] if action.is_placing else None
+    letter = "" if body is None or placement is None else name_place(body, placement.point_O)
+    return f" on face {letter}" if letter else ""
 
 
 def explain(plan: Plan, action: Action) -> str:

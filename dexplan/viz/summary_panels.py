@@ -270,16 +270,18 @@ def draw_goals(
     ax.set_yscale("log")
     least, most = 0.05, 180.0
     for k in shown:
-        angle = np.maximum(curves.goal_angle_deg[:, k], least)
+        off = np.maximum(curves.goal_error[:, k], least)
         ax.plot(
-            curves.time, angle, color=get_finger_color(k), linewidth=2.2, dashes=get_finger_dash(k), zorder=3
+            curves.time, off, color=get_finger_color(k), linewidth=2.2, dashes=get_finger_dash(k), zorder=3
         )
         time = arrivals[k] if k < len(arrivals) else None
         if time is not None:
             ax.plot([time], [limit], marker="*", markersize=14, color="white", markeredgecolor=INK, zorder=5)
-    draw_limit(ax, limit, f"limit {spell_limit(limit, 'deg')}")
+    if np.isfinite(limit):
+        draw_limit(ax, limit, f"limit {spell_limit(limit, curves.goal_unit)}")
     ax.set_ylim(least, most)
-    ax.set_yticks([0.1, 1.0, 10.0, 100.0], ["0.1°", "1°", "10°", "100°"])
+    ticks = [0.1, 1.0, 10.0, 100.0]
+    ax.set_yticks(ticks, [spell_limit(tick, curves.goal_unit) for tick in ticks])
     ax.minorticks_off()
     ax.set_ylabel("contact to\nits goal", fontsize=9)
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from other_bodies import BODIES, swap_trace
 from turning_run import AZIMUTHS, make_plan, make_trace
 
 from dexplan.plans.contacts import GoalContact
@@ -54,11 +55,24 @@ def _with_goals(*offsets_deg: float | None) -> Plan:
 def test_contacts_reach_their_goals_when_they_stay_within_the_limit() -> None:
     plan = _with_goals(None, 0.0, 1.0)
     curves = compute_curves(None, plan, make_trace())
-    assert np.isnan(curves.goal_angle_deg[:, 0]).all()
-    assert np.allclose(curves.goal_angle_deg[:, 1], 0.0, atol=1e-6)
-    assert np.nanmax(np.abs(curves.goal_angle_deg[:, 2] - 1.0)) < 1e-6
+    assert np.isnan(curves.goal_error[:, 0]).all()
+    assert np.allclose(curves.goal_error[:, 1], 0.0, atol=1e-6)
+    assert np.nanmax(np.abs(curves.goal_error[:, 2] - 1.0)) < 1e-6
     assert find_arrivals(curves, 1.5) == (None, 0.0, pytest.approx(0.86))
     assert find_arrivals(curves, 0.5) == (None, 0.0, None)
+
+
+def test_on_a_box_contacts_are_off_their_goals_by_millimetres() -> None:
+    """No angle from the centre says how far two contacts on one face are apart."""
+    trace = swap_trace(make_trace(), BODIES["box"])
+    curves = compute_curves(None, _with_goals(None, 0.0, 1.0), trace)
+    assert curves.goal_unit == "mm"
+    assert np.allclose(curves.goal_error[:, 1], 0.0, atol=1e-9)
+    chord = 2.0 * 35.0 * np.sin(np.radians(0.5))
+    assert np.nanmax(np.abs(curves.goal_error[:, 2] - chord)) < 1e-6
+    assert find_arrivals(curves, 0.7) == (None, 0.0, pytest.approx(0.86))
+    assert find_arrivals(curves, float("nan")) == (None, None, None)
+    assert np.isnan(read_limit(None, "no_such_limit"))
 
 
 def test_limits_are_the_problems_or_the_packaged_ones() -> None:

@@ -6,8 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from other_bodies import swap_trace
 from turning_run import LIFT, MOVE, PLACE, make_plan, make_trace
 
+from dexplan.contact.bodies.edged import BoxBody, CylinderBody
+from dexplan.contact.bodies.names import name_place
 from dexplan.errors import UnknownNameError
 from dexplan.plans.motion import ObjectMotion
 from dexplan.sim.trace import Trace
@@ -206,3 +209,24 @@ def test_a_finger_that_lands_is_no_alarm_at_its_friction_limit(monkeypatch: pyte
     words.clear()
     panels.draw_gauges(Sketch(500, 120), box, 1.0, [0.99, 0.4], [0.2, 5.0], movers=())
     assert "presses 0.2 N" in words
+
+
+def test_on_a_box_the_face_is_named() -> None:
+    """The third finger is placed; its contact is on face D of a box whose side is where the ball's surface was."""
+    plan = make_plan()
+    point = plan.actions[PLACE].contacts_end[2].point_O
+    box = BoxBody(0.035, abs(float(point[1])), 0.035)
+    trace = swap_trace(make_trace(), box)
+    heads = tell_story(plan, trace).chapters[PLACE].headlines
+    assert [head.removesuffix(" on face D") != head for head in heads] == [True, True, True]
+    told = Trace(trace.model_xml, trace.columns, {"captions": build_captions(plan, box)})
+    assert tell_story(None, told).chapters == tell_story(plan, trace).chapters
+    assert not any("face" in head for c in tell_story(plan, make_trace()).chapters for head in c.headlines)
+
+
+def test_a_place_is_on_a_face_or_on_none() -> None:
+    box = BoxBody(0.03, 0.02, 0.01)
+    assert name_place(box, [0.03, 0.011, -0.004]) == "A"
+    assert name_place(box, [0.0, -0.02, 0.0]) == "D"
+    assert name_place(CylinderBody(0.03, 0.04), [0.03, 0.0, 0.0]) == ""
+    assert name_place(CylinderBody(0.03, 0.04), [0.01, 0.0, -0.04]) == "B"

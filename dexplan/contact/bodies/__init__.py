@@ -6,7 +6,7 @@
 ``edged``       ``BoxBody``, ``CylinderBody`` with a sharp or a rounded rim
 ``polyhedron``  ``PolyhedronBody``: the hull of points, for prisms and meshes
 ``sites``       ``build_sites``: even samples of the surface, away from edges
-``names``       ``name_body``, ``name_flats``: what a body and its faces are called
+``names``       ``name_body``, ``name_flats``, ``name_place``: what a body and its faces are called
 ==============  ============================================================================
 
 A tip of 12 mm beside a cube of 60 mm, its centre 42 mm from the cube's, touches the middle of a face:

@@ -12,6 +12,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dexplan.brief import brief_repr
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.control.controller import Command, Controller
 from dexplan.control.foreign import ForeignCommand, ForeignController, ForeignDriver
 from dexplan.control.observation import Observation
@@ -192,9 +193,12 @@ def _set_start(
 
 
 def _inward_normal(scene: Scene, data: mujoco.MjData, finger: int) -> Array:
-    """Return the inward normal (3,) at the finger's contact in W: for convex tips, from the tip's centre to the nearest point."""
+    """Return the inward normal (3,) at the finger's contact in W: from the tip's centre to the object's nearest point."""
     offset = data.xpos[scene.object_body] - data.geom_xpos[scene.tip_geoms[finger]]
-    return offset / np.linalg.norm(offset)
+    if isinstance(scene.object.body, BallBody):
+        return offset / np.linalg.norm(offset)
+    R_WO = data.xmat[scene.object_body].reshape(3, 3)
+    return -R_WO @ scene.object.body.project(-offset @ R_WO).normal
 
 
 def _start_posture(scene: Scene, believed: Scene, reference: Reference, X_WO: Array, depth: Array) -> Array:
@@ -205,14 +209,30 @@ def _start_posture(scene: Scene, believed: Scene, reference: Reference, X_WO: Ar
         q = finger.q_home
         if start is not None:
             X = start[0].copy()
-            away = scene.object.surface.radial(X[:3, 3]) - believed.object.surface.radial(X[:3, 3])
-            outward = X[:3, 3] / np.linalg.norm(X[:3, 3])
-            farther = float(outward @ away) + finger.tip_radius - imagined.tip_radius
-            X[:3, 3] *= 1.0 - (d - farther) / np.linalg.norm(X[:3, 3])
+            X[:3, 3] = _touch(scene, believed, X[:3, 3], finger.tip_radius, imagined.tip_radius, d)
             solved, _ = solve_ik(finger.chain, (X_WO @ X)[None], start[1][None])
             q = solved[0]
         posture.append(q)
     return np.stack(posture)
+
+
+def _touch(
+    scene: Scene, believed: Scene, p_OF: Array, tip_radius: float, imagined_radius: float, depth: float
+) -> Array:
+    """Return where a tip's centre (3,) is in O if it is to touch the true object ``depth`` [m] deep.
+
+    ``p_OF`` (3,) is where it would touch the ``believed`` one with the radius that is imagined.
+    """
+    body = scene.object.body
+    if isinstance(body, BallBody):
+        away = scene.object.surface.radial(p_OF) - believed.object.surface.radial(p_OF)
+        outward = p_OF / np.linalg.norm(p_OF)
+        farther = float(outward @ away) + tip_radius - imagined_radius
+        return np.asarray(p_OF * (1.0 - (depth - farther) / np.linalg.norm(p_OF)))
+    outward, p = believed.object.body.project(p_OF).normal, p_OF
+    for _ in range(3):
+        p = p + (tip_radius - depth - float(body.project(p).distance)) * outward
+    return p
 
 
 class _Senses:
