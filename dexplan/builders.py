@@ -19,6 +19,7 @@ from dexplan.plans.forces import NormalForces
 from dexplan.plans.margins import MarginLimits
 from dexplan.plans.timing import Timing
 from dexplan.problems.problem import Problem
+from dexplan.problems.shapes import build_shape
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
 from dexplan.scene.penetration import compute_force_at
@@ -31,8 +32,10 @@ def build_scene(problem: Problem) -> Scene:
     return load_scene_with(
         SceneParameters(
             scene=problem.scene,
-            object_radius=problem.object.radius_m,
+            object_shape=build_shape(problem.object),
             object_mass=problem.object.mass_kg,
+            object_com=problem.object.com_m,
+            object_inertia=problem.object.inertia_kg_m2,
             tip_radii=problem.hand.tip_radii_m,
             base_azimuths_deg=problem.hand.base_azimuths_deg,
             joint_ranges_deg=tuple(

@@ -4,6 +4,7 @@
 ``problem``     ``Problem`` and its sections, frozen; every key has a default but ``[goal]``
 ``read``        ``load_problem``: a built-in name or a file, with overrides; ``list_problems``
 ``rules``       which values are accepted, and what is said of others
+``shapes``      the object's shape as a scene takes it
 ``override``    ``--set KEY=VALUE``
 ``derived``     values that follow from others
 ``as_run``      which problem a recorded run was made from
@@ -25,6 +26,7 @@ __all__ = [
     "read",
     "rules",
     "schema",
+    "shapes",
     "template",
     "true_world",
     "words",

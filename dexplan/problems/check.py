@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.errors import ProblemError
 from dexplan.problems.derived import as_name, compute_largest_torsion
 from dexplan.problems.rules import (
@@ -28,9 +29,11 @@ from dexplan.problems.rules import (
     suggest,
 )
 from dexplan.problems.sections import ContactPoint, ContactSpec, ProblemFields
+from dexplan.problems.shapes import build_shape, check_object
 
 SURFACE_TOLERANCE = 0.01
-"""A ``point_m`` contact may miss the object's surface by this part of its radius."""
+"""A ``point_m`` contact may miss the object's surface by this part of its radius, or of what
+corresponds to it."""
 
 SMALLEST_NORM = 1e-9
 """A shorter axis or quaternion counts as zero."""
@@ -86,6 +89,7 @@ def _walk_numbers(value: Any, key: str) -> Iterator[tuple[str, float]]:
 
 
 def _check_object(problem: ProblemFields, source: str) -> None:
+    check_object(problem.object, source)
     for index, region in enumerate(problem.object.allowed_regions):
         if math.hypot(*region.axis) < SMALLEST_NORM:
             key = f"object.allowed_regions[{index}].axis"
@@ -167,12 +171,7 @@ def _check_contacts(problem: ProblemFields, contacts: tuple[ContactSpec, ...], k
     for index, contact in enumerate(contacts):
         where = f"{key}[{index}]"
         if isinstance(contact, ContactPoint):
-            distance, radius = math.hypot(*contact.point_m), problem.object.radius_m
-            if not abs(distance - radius) <= SURFACE_TOLERANCE * radius:
-                fact = f"{spell(list(contact.point_m))} lies {distance:.6g} m from the object's centre"
-                raise ProblemError(
-                    source, f"{where}.point_m", fact, f"accepted: a point of its surface, at {radius:g} m"
-                )
+            _check_point(problem, contact.point_m, f"{where}.point_m", source)
         elif contact != "free":
             for place, value, bounds in (
                 ("azimuth", contact[0], AZIMUTH),
@@ -182,6 +181,22 @@ def _check_contacts(problem: ProblemFields, contacts: tuple[ContactSpec, ...], k
                     raise ProblemError(
                         source, where, f"{place} {spell(value)} is out of range", f"accepted: {bounds}"
                     )
+
+
+def _check_point(problem: ProblemFields, point: tuple[float, float, float], key: str, source: str) -> None:
+    body = build_shape(problem.object).as_body()
+    found = body.project(point)
+    if abs(float(found.distance)) <= SURFACE_TOLERANCE * body.bound:
+        return
+    if isinstance(body, BallBody):
+        fact = f"{spell(list(point))} lies {math.hypot(*point):.6g} m from the object's centre"
+        accepted = f"accepted: a point of its surface, at {body.radius:g} m"
+    else:
+        where = "outside" if found.distance > 0.0 else "inside"
+        fact = f"{spell(list(point))} lies {1e3 * abs(float(found.distance)):.3g} mm {where} the object's surface"
+        nearest = ", ".join(f"{x:.5g}" for x in found.point)
+        accepted = f"accepted: a point of its surface, the nearest is [{nearest}]"
+    raise ProblemError(source, key, fact, accepted)
 
 
 def _check_goal(problem: ProblemFields, source: str) -> None:

@@ -10,7 +10,7 @@ import re
 from functools import cache
 
 TABLES = {
-    "object": "the object: a solid homogeneous ball",
+    "object": "the object: a ball of radius_m, or another convex shape; homogeneous unless com_m or inertia_kg_m2 say otherwise",
     "hand": "the hand, one entry per finger in finger order",
     "friction": "friction between fingertips and object",
     "start": "where the fingers touch at the start; the object is at the scene's home pose",
@@ -31,7 +31,20 @@ KEYS = {
     "scene": "the world with hand and object; `dexplan list` names all scenes",
     "seed": 'what is drawn is drawn from this, such as orientation_wxyz = "random"',
     "object.radius_m": "radius of the ball",
-    "object.mass_kg": "mass of the ball",
+    "object.shape": "another convex shape than a ball, about the object's origin, in place of radius_m: ellipsoid with "
+    "semi_axes_m, box with half_sizes_m, capsule or cylinder (along z) with radius_m and half_length_m, mesh with vertices_m",
+    "object.shape.kind": "which shape: ellipsoid, capsule, cylinder (both along z), box, or mesh, whose convex hull is taken",
+    "object.shape.semi_axes_m": "semi-axes of an ellipsoid along x, y, z",
+    "object.shape.half_sizes_m": "half sizes of a box along x, y, z",
+    "object.shape.radius_m": "radius of a capsule or cylinder",
+    "object.shape.half_length_m": "half of a cylinder's length, or of the distance between a capsule's centres",
+    "object.shape.rim_m": "radius with which a cylinder's edges are rounded; 0: sharp",
+    "object.shape.vertices_m": "points whose convex hull the object is, about its origin, which has to be inside",
+    "object.shape.taken_from": "name of the file that the vertices were read from; written by dexplan",
+    "object.shape.mesh_volume_m3": "volume inside the mesh that the vertices are the hull of; written by dexplan",
+    "object.mass_kg": "mass of the object",
+    "object.com_m": "centre of mass in the object frame; left out: a homogeneous body's",
+    "object.inertia_kg_m2": "inertia about the centre of mass, object axes; left out: a homogeneous body's",
     "object.allowed_regions": "contacts may only be made inside one of these cones around the object's centre, object frame; "
     "none: anywhere",
     "object.allowed_regions.axis": "the cone's axis in the object frame, of any length",

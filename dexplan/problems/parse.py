@@ -23,6 +23,7 @@ from dexplan.problems.derived import as_name, fill_derived, forget_derived
 from dexplan.problems.override import apply_override
 from dexplan.problems.rules import describe_accepted, load_limits, spell, suggest
 from dexplan.problems.sections import FORMAT, ProblemFields
+from dexplan.problems.shapes import choose_rival, resolve_object
 from dexplan.sim.judge.limits import explain_refusal
 
 P = TypeVar("P", bound=ProblemFields)
@@ -92,6 +93,7 @@ def parse_text(
         raise ProblemError(source, "", "is empty", "accepted: format = 1 and a [goal] at least")
     if overrides:
         forget_derived(data)
+        choose_rival(data, overrides)
     for key, value in overrides.items():
         apply_override(data, key, value, source)
     return parse_data(data, cls, source, default_name)
@@ -106,6 +108,7 @@ def _build(data: dict[str, Any], cls: type[P], source: str, default_name: str) -
         raise ProblemError(source, "goal", "missing" if "goal" not in data else "says nothing", accepted)
     data.setdefault("name", as_name(default_name))
     _check_goal_says_something(data["goal"], source)
+    resolve_object(data, source)
     fill_derived(data)
     _draw_orientation(data)
     _flatten_joint_ranges(data, source)

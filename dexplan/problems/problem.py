@@ -11,10 +11,10 @@ from pathlib import Path
 
 from dexplan.brief import brief_repr
 from dexplan.notebook import as_html_table
+from dexplan.problems.object_section import AllowedRegion, ObjectSection, ShapeSection
 from dexplan.problems.parse import parse_file
 from dexplan.problems.sections import (
     FORMAT,
-    AllowedRegion,
     ContactPoint,
     ContactSpec,
     ControlSection,
@@ -25,7 +25,6 @@ from dexplan.problems.sections import (
     GoalSection,
     HandSection,
     MarginsSection,
-    ObjectSection,
     Obstacle,
     ProblemFields,
     Rotation,
@@ -52,6 +51,7 @@ __all__ = [
     "Obstacle",
     "Problem",
     "Rotation",
+    "ShapeSection",
     "StartSection",
     "WeightsSection",
     "compute_contact_directions",

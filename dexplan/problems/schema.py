@@ -94,11 +94,19 @@ def _rewrite_array(node: Mapping[str, Any], defs: Mapping[str, Any], key: str) -
         return {"type": "array", "items": _rewrite(node["items"], defs, f"{key}[]")}
     count = len(node["prefixItems"])
     bare = key.replace("[]", "")
+    if bare == "object.inertia_kg_m2":
+        # Principal moments, or rows of a matrix.
+        row = _repeat(_bound(BOUNDS[bare]), count)
+        return {"anyOf": [row, _repeat(row, count)]}
     if bare in ("start.contacts_deg", "goal.contacts_deg"):
         # Azimuth and elevation: the older dialect takes a list of schemas, one per place.
-        items: Any = [_bound(AZIMUTH), _bound(ELEVATION)]
+        items: object = [_bound(AZIMUTH), _bound(ELEVATION)]
     else:
         items = _bound(BOUNDS[bare]) if bare in BOUNDS else {"type": "number"}
+    return _repeat(items, count)
+
+
+def _repeat(items: object, count: int) -> dict[str, Any]:
     return {"type": "array", "minItems": count, "maxItems": count, "items": items}
 
 

@@ -18,6 +18,7 @@ import tomli_w
 from dexplan.brief import brief_repr
 from dexplan.planning.admissible.limits import CLEARANCE_MM, JOINT_MARGIN_DEG, AdmissibleLimits
 from dexplan.plans.forces import NormalForces
+from dexplan.problems.object_section import ObjectSection
 from dexplan.spatial import Array, direction_from_angles, read_only
 
 FORMAT = 1
@@ -59,26 +60,6 @@ ContactSpec = tuple[float, float] | ContactPoint | Literal["free"]
 """Where one finger touches: (azimuth, elevation) [deg] in the object frame, a :class:`ContactPoint`, or
 "free".
 """
-
-
-@dataclass(frozen=True)
-class AllowedRegion:
-    """A cone of directions from the object's centre, in the object frame, around ``axis`` (any length but zero)."""
-
-    axis: tuple[float, float, float]
-    half_angle_deg: float
-
-
-@dataclass(frozen=True)
-class ObjectSection:
-    """The object: a solid homogeneous body of this radius and mass."""
-
-    radius_m: float = 0.035
-    mass_kg: float = 0.060
-    allowed_regions: tuple[AllowedRegion, ...] = ()
-    """Contacts may only be made inside one of these cones; none means anywhere."""
-
-    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,9 @@ LONGEST_LINE = 110
 _EXAMPLES: dict[str, str] = {
     "name": '"my_problem"',
     "object.allowed_regions": "[{ axis = [0.0, 0.0, 1.0], half_angle_deg = 120.0 }]",
+    "object.shape": '{ kind = "box", half_sizes_m = [0.03, 0.03, 0.03] }',
+    "object.com_m": "[0.0, 0.0, -0.005]",
+    "object.inertia_kg_m2": "[3e-5, 3e-5, 3e-5]",
     "goal.orientation_wxyz": "[0.924, 0.0, 0.0, 0.383]",
     "goal.contacts_deg": '[[-38.0, 0.0], [102.0, 0.0], "free"]',
 }
@@ -61,6 +64,15 @@ def _write_lines(file: str) -> Iterator[str]:
 def _write_table(table: str, section: dict[str, Any]) -> Iterator[str]:
     yield ""
     yield f"[{table}]  # {TABLES[table]}"
+    if table == "object":
+        section = {
+            "radius_m": None,
+            "shape": None,
+            "mass_kg": None,
+            "com_m": None,
+            "inertia_kg_m2": None,
+            **section,
+        }
     if table == "goal":
         # What has no default is not among the defaults.
         section = {

@@ -40,7 +40,10 @@ def read_recorded_world(problem: Problem, meta: Mapping[str, Any]) -> Mapping[st
 def _check(problem: Problem, world: Mapping[str, Any]) -> None:
     joined = join_world(problem.as_dict(), world)
     # Start contacts, stated as points on a ball of another size, are the problem's, and not the world's to answer for.
-    parts = {table: {key: joined[table][key] for key in keys} for table, keys in PHYSICAL.items()}
+    parts = {
+        table: {key: joined[table][key] for key in keys if key in joined[table]}
+        for table, keys in PHYSICAL.items()
+    }
     parts["friction"]["safety"] = joined["friction"]["safety"]
     rest = {"format": FORMAT, "name": "world", "scene": joined["scene"], "obstacles": joined["obstacles"]}
     build_problem({**rest, "goal": STILL, **parts}, "world")

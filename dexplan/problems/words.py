@@ -6,7 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from dexplan.problems.object_section import ObjectSection
 from dexplan.problems.sections import ContactPoint, ContactSpec, GoalSection, ProblemFields
+from dexplan.problems.shapes import build_shape
 from dexplan.sim.judge.limits import find_loose_limits
 
 
@@ -30,7 +32,7 @@ def _describe(problem: ProblemFields) -> Iterator[tuple[str, str]]:
     start = problem.start.contacts_deg
     yield "start contacts", "chosen by the planner" if isinstance(start, str) else _describe_contacts(start)
     thing = problem.object
-    yield "object", f"a ball of radius {1e3 * thing.radius_m:g} mm and {1e3 * thing.mass_kg:g} g"
+    yield "object", f"{describe_shape(thing)} and {1e3 * thing.mass_kg:g} g{_describe_mass(thing)}"
     tips = ", ".join(f"{1e3 * radius:g}" for radius in problem.hand.tip_radii_m)
     yield "hand", f"{problem.hand.finger_count} fingers of {problem.scene}, tips of radius {tips} mm"
     friction = problem.friction
@@ -55,6 +57,44 @@ def _describe(problem: ProblemFields) -> Iterator[tuple[str, str]]:
         if loose
         else "no limit looser than default",
     )
+
+
+def describe_shape(thing: ObjectSection) -> str:
+    """Return the object's shape in words."""
+    shape = thing.shape
+    if shape is None:
+        return f"a ball of radius {_as_mm(thing.radius_m)} mm"
+    match shape.kind:
+        case "ellipsoid":
+            return f"an ellipsoid of semi-axes {_as_mm(*shape.semi_axes_m or ())} mm"
+        case "box":
+            return f"a box of {_as_mm(*(2.0 * x for x in shape.half_sizes_m or ()))} mm"
+        case "capsule":
+            return f"a capsule of radius {_as_mm(shape.radius_m)} and half length {_as_mm(shape.half_length_m)} mm"
+        case "cylinder":
+            rim = f", its rims rounded by {_as_mm(shape.rim_m)} mm" if shape.rim_m else ""
+            return f"a cylinder of radius {_as_mm(shape.radius_m)} and half length {_as_mm(shape.half_length_m)} mm{rim}"
+    body = build_shape(thing).as_body()
+    name = f" of {shape.taken_from}" if shape.taken_from else ""
+    words = f"the convex hull{name} of {len(shape.vertices_m or ())} points, within {1e3 * body.bound:.3g} mm"
+    if shape.mesh_volume_m3:
+        words += (
+            f", {100.0 * (body.solid.volume / shape.mesh_volume_m3 - 1.0):.2g} % more volume than the mesh"
+        )
+    return words
+
+
+def _describe_mass(thing: ObjectSection) -> str:
+    given = [
+        word
+        for word, value in (("centre of mass", thing.com_m), ("inertia", thing.inertia_kg_m2))
+        if value is not None
+    ]
+    return f", {' and '.join(given)} given" if given else ""
+
+
+def _as_mm(*lengths: float | None) -> str:
+    return ", ".join(f"{1e3 * (x or 0.0):g}" for x in lengths)
 
 
 def _describe_goal(goal: GoalSection) -> str:

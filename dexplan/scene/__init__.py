@@ -4,6 +4,7 @@
 ``library``        ``load_scene``: a built-in scene by name, with parameters changed
 ``scene``          ``Scene``: the compiled model and where everything in it is
 ``description``    the same as values without MuJoCo: hand, object, obstacles.  What planning sees.
+``shape``          ``Shape``: which body the object is, as a plain value
 ``probe``          ``HandProbe``: what is nearest, and torques; MuJoCo's answers to planning's questions
 ``penetration``    how deep a squeeze presses a tip into an object at rest
 ``touch``          which contacts MuJoCo reports, as contacts of fingers
@@ -16,4 +17,4 @@
 (3, 0.12)
 """
 
-__all__ = ["description", "finger_models", "library", "penetration", "probe", "scene", "touch"]
+__all__ = ["description", "finger_models", "library", "penetration", "probe", "scene", "shape", "touch"]

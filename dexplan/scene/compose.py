@@ -14,6 +14,7 @@ from typing import Any
 from dexplan.errors import UnknownNameError
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.finger_models import FINGER_MODELS, SIX_HINGES
+from dexplan.scene.object_parts import write_inertial, write_object
 
 with warnings.catch_warnings():
     # dm_control looks for a window system on import and warns where there is none; nothing here needs one.
@@ -75,13 +76,14 @@ def build_model_xml(parameters: SceneParameters) -> str:
             for j in range(1, kind.n_joints + 1)
         )
         raise UnknownNameError("joint", next(iter(ranges)), known)
-    ball = _load("ball", parameters)
-    ball.find("geom", "surface").size = [parameters.object_radius]
-    ball.find("geom", "surface").mass = parameters.object_mass
+    thing = _load("ball", parameters)
+    write_object(thing, parameters)
     home = root.worldbody.add(
         "site", name="object_home", pos=[0.0, 0.0, kind.object_height], size=[0.002], group=4
     )
-    home.attach(ball).add("freejoint", name="free")
+    frame = home.attach(thing)
+    frame.add("freejoint", name="free")
+    write_inertial(frame, parameters)
     # Last, because attaching a part brings its own options along.
     for option, value in PROFILES[parameters.physics_profile].items():
         setattr(root.option, option, value)

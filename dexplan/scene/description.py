@@ -15,10 +15,15 @@ from dexplan.contact.surfaces.sphere import Sphere
 from dexplan.errors import DexplanError
 from dexplan.grasp.wrench import MassProperties
 from dexplan.scene.finger_models import SIX_HINGES
+from dexplan.scene.shape import Shape, Triple
 from dexplan.spatial import Array, read_only
 
 OBJECT, STANDING = -1, -2
 """Whose a body is that belongs to no finger: the object's own, or one that stands still (floor, obstacles)."""
+
+
+USUAL_BALL = Shape.ball(0.035)
+"""What the object is unless something else is asked for."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +55,12 @@ class SceneParameters:
     """Everything a scene's model text depends on.  SI units, angles in radians unless the name says otherwise."""
 
     scene: str = "three_finger_sphere"
-    object_radius: float = 0.035
+    object_shape: Shape = USUAL_BALL
     object_mass: float = 0.060
+    object_com: Triple | None = None
+    """Centre of mass from the object's origin [m]; None: that of a homogeneous body."""
+    object_inertia: tuple[Triple, Triple, Triple] | None = None
+    """Inertia about the centre of mass in the object's axes [kg m^2]; None: that of a homogeneous body about its own centre."""
     tip_radii: tuple[float, ...] = (0.018, 0.018, 0.018)
     base_azimuths_deg: tuple[float, ...] = (0.0, 120.0, 240.0)
     joint_ranges_deg: tuple[tuple[str, float, float], ...] = ()

@@ -9,6 +9,7 @@ from dexplan.errors import UnknownNameError
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.finger_models import TRIFINGER_PRO
 from dexplan.scene.scene import Scene, build_scene
+from dexplan.scene.shape import Shape
 
 SCENES = {
     "three_finger_sphere": SceneParameters(scene="three_finger_sphere"),
@@ -17,7 +18,7 @@ SCENES = {
 
 TRIFINGER_BALL = SceneParameters(
     scene="trifinger_ball",
-    object_radius=0.0325,
+    object_shape=Shape.ball(0.0325),
     tip_radii=(0.010,) * 3,
     base_azimuths_deg=(90.0, -30.0, -150.0),
     torsional_friction=1.65e-3,

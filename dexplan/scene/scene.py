@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexplan.brief import brief_repr
-from dexplan.contact.bodies.smooth import BallBody
+from dexplan.contact.bodies.body import ConvexBody
 from dexplan.errors import DexplanError
-from dexplan.grasp.wrench import MassProperties
 from dexplan.kinematics.chain import (
     Chain,
     compute_hinge_positions,
@@ -29,6 +28,7 @@ from dexplan.kinematics.finger import FingerDescription
 from dexplan.kinematics.land import reach_centers
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import ObjectDescription, SceneParameters
+from dexplan.scene.object_parts import read_object
 from dexplan.spatial import Array, as_pose, build_frame, invert_pose, lock_arrays, make_pose, rotate_about
 
 HOME_GAP = 0.025
@@ -106,19 +106,15 @@ def scene_from_xml(name: str, xml: str) -> Scene:
     ]
     object_joint = model.joint("object/free/")
     object_geom = model.geom("object/surface").id
-    body = BallBody(_read_radius(model, "object/surface"))
-    object_body = int(model.geom_bodyid[object_geom])
-    _check_object(model, object_geom, object_body)
+    body, properties = read_object(model)
     home = as_pose(model.qpos0[object_joint.qposadr[0] : object_joint.qposadr[0] + 7])
-    inertia = np.diag(model.body_inertia[object_body])
-    properties = MassProperties(float(model.body_mass[object_body]), np.zeros(3), inertia)
     description = ObjectDescription(body, properties, home)
     joints = [_finger_joints(model, f) for f in finger_names]
     actuators = [
         [int(np.flatnonzero(model.actuator_trnid[:, 0] == j)[0]) for j in finger] for finger in joints
     ]
     fingers = [
-        _describe_finger(model, data, f, j, a, home, body.radius)
+        _describe_finger(model, data, f, j, a, home, body)
         for f, j, a in zip(finger_names, joints, actuators, strict=True)
     ]
     return Scene(
@@ -135,7 +131,7 @@ def scene_from_xml(name: str, xml: str) -> Scene:
         object_qpos=int(object_joint.qposadr[0]),
         object_dof=int(object_joint.dofadr[0]),
         object_geom=int(object_geom),
-        object_body=object_body,
+        object_body=int(model.geom_bodyid[object_geom]),
     )
 
 
@@ -145,22 +141,10 @@ def _read_radius(model: mujoco.MjModel, name: str) -> float:
     kind = mujoco.mjtGeom(int(geom.type[0]))
     if kind != mujoco.mjtGeom.mjGEOM_SPHERE:
         raise DexplanError(
-            f"geom {name!r} is of type {kind.name.removeprefix('mjGEOM_').lower()}; objects and fingertips are described as "
-            'balls so far, and type="sphere" is accepted'
+            f"geom {name!r} is of type {kind.name.removeprefix('mjGEOM_').lower()}; fingertips are balls, and "
+            'type="sphere" is accepted'
         )
     return float(geom.size[0])
-
-
-def _check_object(model: mujoco.MjModel, geom: int, body: int) -> None:
-    """Raise DexplanError where the object is not described by one radius, its mass and a diagonal inertia about its centre."""
-    count = int(model.body_geomnum[body])
-    if count != 1:
-        raise DexplanError(f"the object consists of {count} geoms; one, named 'object/surface', is accepted")
-    for what, offset in (("surface", model.geom_pos[geom]), ("centre of mass", model.body_ipos[body])):
-        if np.any(offset):
-            raise DexplanError(
-                f"the object's {what} is {offset.tolist()} m from the origin of its body; no offset is accepted"
-            )
 
 
 def _finger_joints(model: mujoco.MjModel, finger: str) -> list[int]:
@@ -174,7 +158,7 @@ def _describe_finger(
     joints: list[int],
     actuators: list[int],
     X_WO: Array,
-    object_radius: float,
+    body: ConvexBody,
 ) -> FingerDescription:
     """Read the finger's chain off the zero pose of the compiled model, and solve for its home posture."""
     frames = [make_pose(data.xmat[model.jnt_bodyid[j]].reshape(3, 3), data.xanchor[j]) for j in joints]
@@ -200,8 +184,8 @@ def _describe_finger(
         q_home=_solve_home(
             chain,
             frames[0][:3, 3],
-            X_WO[:3, 3],
-            object_radius,
+            X_WO,
+            body,
             tip_radius,
             _ClearOfItself(model, name, joints),
         ),
@@ -211,35 +195,44 @@ def _describe_finger(
 def _solve_home(
     chain: Chain,
     base: Array,
-    center: Array,
-    object_radius: float,
+    X_WO: Array,
+    body: ConvexBody,
     tip_radius: float,
     is_clear: Callable[[Array], bool],
 ) -> Array:
     """Return the posture in which a finger waits.
 
-    The tip is on the line from the object's centre to the base, ``HOME_GAP`` off the surface, and points at the object.  A finger
-    whose joints do not allow that, or that would meet itself or the object (``is_clear`` says no), points at the object from the
-    first of the ``WAITING`` places where it can; one that can point at it from nowhere is parked.
+    The tip is on the line from the object's centre to the base, ``HOME_GAP`` beyond what the object reaches, and points at it.  A
+    finger whose joints do not allow that, or that would meet itself or the object (``is_clear`` says no), points at the object
+    from the first of the ``WAITING`` places where it can; one that can point at it from nowhere is parked.
     """
-    reach, outward = object_radius + tip_radius, np.array([*(base - center)[:2], 0.0])
+    center = X_WO[:3, 3]
+    outward = np.array([*(base - center)[:2], 0.0])
     if np.linalg.norm(outward) < tip_radius:
         # A base over the object: the finger's own side is where its tip is in the middle of its range.
         middle = compute_tip_pose(chain, 0.5 * (chain.lower + chain.upper))[:3, 3]
         outward = np.array([*(middle - center)[:2], 0.0])
     outward /= np.linalg.norm(outward)
+    (reach,) = _measure_extent(body, outward[None] @ X_WO[:3, :3]) + tip_radius
     (home,) = _aim(chain, center, reach + HOME_GAP, outward[None], 256, 60)
     if home is not None and is_clear(home):
         return home
     azimuth, elevation = np.radians([at[1:] for at in WAITING]).T
     flat, up = rotate_about([0.0, 0.0, 1.0], azimuth) @ outward, np.array([0.0, 0.0, 1.0])
     directions = np.cos(elevation)[:, None] * flat + np.sin(elevation)[:, None] * up
-    found = _aim(chain, center, reach + np.array([at[0] for at in WAITING]), directions, 12, 40)
+    reaches = _measure_extent(body, directions @ X_WO[:3, :3]) + tip_radius
+    found = _aim(chain, center, reaches + np.array([at[0] for at in WAITING]), directions, 12, 40)
     for posture in found:
         if posture is not None and is_clear(posture):
             return posture
     named = [posture for posture in (home, *found) if posture is not None]
-    return named[0] if named else _park(chain, center, outward, reach + HOME_GAP, is_clear)
+    return named[0] if named else _park(chain, center, outward, body.bound + tip_radius + HOME_GAP, is_clear)
+
+
+def _measure_extent(body: ConvexBody, directions: Array) -> Array:
+    """Return how far (N,) [m] the object reaches along unit ``directions`` (N, 3) in its axes: a plane so far out clears it."""
+    # A ball's is its radius to the last digit, whatever the direction's last digits are.
+    return np.round(np.sum(body.support(directions) * directions, axis=-1), 12)
 
 
 def _aim(

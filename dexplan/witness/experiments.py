@@ -18,6 +18,7 @@ from dexplan.contact.friction import ContactModel, HardFinger, SoftFinger
 from dexplan.grasp.closure import compute_load_margin
 from dexplan.grasp.grasp import Grasp, contact_on_sphere
 from dexplan.scene.library import load_scene
+from dexplan.scene.shape import Shape
 from dexplan.sim.judge.replay import replay
 from dexplan.spatial import GRAVITY, Array, direction_from_angles
 from dexplan.witness.outcome import HARD_TORSION, Outcome, classify
@@ -114,7 +115,7 @@ def run(experiment: Experiment, mu: float, x: float, believed: float | None = No
         return None
     torsional = model.torsional if isinstance(model, SoftFinger) else HARD_TORSION
     scene = load_scene(
-        object_radius=RADIUS, object_mass=MASS, sliding_friction=mu, torsional_friction=torsional
+        object_shape=Shape.ball(RADIUS), object_mass=MASS, sliding_friction=mu, torsional_friction=torsional
     )
     stance = solve_stance(scene, directions, np.stack(found))
     if stance is None or stance.compute_torque_share(np.stack(found)) > 1.0:

@@ -20,6 +20,7 @@ from dexplan.contact.friction import SoftFinger
 from dexplan.kinematics.chain import compute_tip_pose, solve_ik
 from dexplan.scene.description import SceneParameters
 from dexplan.scene.scene import build_scene
+from dexplan.scene.shape import Shape
 from dexplan.sim.judge.replay import replay
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 from dexplan.witness.experiments import (
@@ -160,7 +161,7 @@ def lift(drawn: Draw) -> LiftedFinger | None:
     alone[list(drawn.pair)] = pair
     scene = build_scene(
         SceneParameters(
-            object_radius=RADIUS,
+            object_shape=Shape.ball(RADIUS),
             object_mass=MASS,
             sliding_friction=drawn.sliding,
             torsional_friction=drawn.torsional,

@@ -76,7 +76,13 @@ def test_every_key_means_something() -> None:
 
 
 def test_the_template_holds_every_key() -> None:
-    inner = ("object.allowed_regions.", "goal.rotation.", "start.contacts_deg.", "goal.contacts_deg.")
+    inner = (
+        "object.allowed_regions.",
+        "object.shape.",
+        "goal.rotation.",
+        "start.contacts_deg.",
+        "goal.contacts_deg.",
+    )
     wanted = {k for k in ALL_KEYS if not k.startswith(inner) and k not in TABLES}
     assert set(read_template_keys()) == wanted
     assert TEMPLATE.startswith(f"#:schema {SCHEMA_FILE}\n")
@@ -93,6 +99,9 @@ EXAMPLES = {
     "goal.orientation_wxyz",
     "goal.contacts_deg",
     "object.allowed_regions",
+    "object.com_m",
+    "object.inertia_kg_m2",
+    "object.shape",
     "hand.joint_ranges_deg",
     "name",
 }

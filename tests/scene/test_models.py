@@ -21,6 +21,7 @@ from dexplan.scene.compose import (
 from dexplan.scene.description import Obstacle, SceneParameters
 from dexplan.scene.library import load_scene, load_scene_with
 from dexplan.scene.scene import Scene
+from dexplan.scene.shape import Shape
 
 MODELS = resources.files("dexplan.models")
 PARTS = sorted(entry.name for entry in MODELS.iterdir() if entry.name.endswith(".xml"))
@@ -189,7 +190,9 @@ def test_what_is_only_seen_does_not_collide_or_weigh(scene: Scene) -> None:
 
 
 def test_friction_and_object_come_from_the_parameters() -> None:
-    model = _compile(sliding_friction=0.7, torsional_friction=0.003, object_radius=0.03, object_mass=0.05)
+    model = _compile(
+        sliding_friction=0.7, torsional_friction=0.003, object_shape=Shape.ball(0.03), object_mass=0.05
+    )
     assert np.allclose(model.geom_friction, [0.7, 0.003, 1e-4], atol=0)
     assert model.geom("object/surface").size[0] == 0.03
     assert model.body("object/").mass[0] == pytest.approx(0.05)

@@ -1,4 +1,4 @@
-"""What is no ball is refused by name, wherever the code takes the point on a ray for the contact with that normal."""
+"""What is no ball is refused by name where the code takes it for one: as a fingertip, and as a sphere's surface."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from dexplan.contact.bodies.edged import BoxBody
 from dexplan.errors import DexplanError
 from dexplan.scene.compose import build_model_xml
 from dexplan.scene.description import SceneParameters
@@ -45,10 +46,23 @@ def test_the_ball_itself_is_described(scene: Scene) -> None:
         ("cylinder", "0.035 0.035"),
     ],
 )
-@pytest.mark.parametrize("name", ["object/surface", "finger_2/tip"])
-def test_other_shapes_are_not_called_balls(name: str, kind: str, size: str) -> None:
-    with pytest.raises(DexplanError, match=f"'{name}' is of type {kind}; .*sphere\" is accepted"):
-        scene_from_xml("other", with_geom(name, type=kind, size=size))
+def test_other_tips_are_not_called_balls(kind: str, size: str) -> None:
+    with pytest.raises(DexplanError, match=f"'finger_2/tip' is of type {kind}; .*sphere\" is accepted"):
+        scene_from_xml("other", with_geom("finger_2/tip", type=kind, size=size))
+
+
+def test_other_objects_are_described_and_have_no_sphere() -> None:
+    other = scene_from_xml("other", with_geom("object/surface", type="box", size="0.035 0.03 0.04")).object
+    assert other.body == BoxBody(0.035, 0.03, 0.04)
+    with pytest.raises(DexplanError, match="of kind BoxBody what holds on a ball alone"):
+        _ = other.surface
+
+
+def test_a_plane_is_no_object() -> None:
+    """MuJoCo takes no plane that moves; a shape that it takes and we do not is refused by name."""
+    xml = with_geom("object/surface", type="plane", size="0.1 0.1 0.1")
+    with pytest.raises((DexplanError, ValueError)):
+        scene_from_xml("other", xml)
 
 
 def test_a_surface_beside_the_origin_is_refused() -> None:

@@ -15,6 +15,7 @@ from dexplan.scene.penetration import (
     predict_penetration,
 )
 from dexplan.scene.scene import Scene
+from dexplan.scene.shape import Shape
 
 OPPOSITE = """
 <mujoco>
@@ -70,7 +71,7 @@ class _Bare:
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return load_scene_with(SceneParameters(object_mass=0.0027, object_radius=0.02))
+    return load_scene_with(SceneParameters(object_mass=0.0027, object_shape=Shape.ball(0.02)))
 
 
 def test_light_ball_is_entered_as_deep_as_was_measured(scene: Scene) -> None:

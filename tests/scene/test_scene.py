@@ -13,6 +13,7 @@ from dexplan.scene.description import SceneParameters
 from dexplan.scene.library import SCENES, load_scene
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import HOME_GAP, Scene, scene_from_xml
+from dexplan.scene.shape import Shape
 from dexplan.spatial import make_pose, rotate_about
 
 
@@ -133,7 +134,7 @@ def test_a_finger_that_cannot_point_at_the_object_waits_out_of_the_way() -> None
 
 @pytest.mark.parametrize("radius", [0.075, 0.09, 0.12])
 def test_fingers_around_a_large_ball_wait_clear_of_themselves(radius: float) -> None:
-    hand = load_scene(object_radius=radius)
+    hand = load_scene(object_shape=Shape.ball(radius))
     clearance, names = HandProbe(hand).compute_clearance(
         np.stack([f.q_home for f in hand.fingers]), hand.object.X_WO_home, ()
     )

@@ -162,7 +162,9 @@ def test_a_world_differs_in_the_world_alone(kind: str) -> None:
         with pytest.raises(ProblemError) as caught:
             ask()
         assert str(caught.value).startswith(f"world: {words}")
-        assert "a world may differ in object.radius_m, object.mass_kg, hand.tip_radii_m" in str(caught.value)
+        assert "a world may differ in object.radius_m, object.mass_kg, object.shape, object.com_m" in str(
+            caught.value
+        )
 
 
 def _with(section: str, **values: Any) -> Problem:

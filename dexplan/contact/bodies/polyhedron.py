@@ -16,8 +16,9 @@ from dexplan.spatial import Array, lock_arrays, read_only
 
 _CHUNK = 200_000
 """Pairs of a point and a triangle that are looked at together: bounds the memory of a projection."""
-_COPLANAR = 1e-9
-"""Planes whose normals and offsets (in units of the body's size) differ by less are one face."""
+_COPLANAR = 1e-5
+"""Planes whose normals and offsets (in units of the body's size) differ by less are one face; MuJoCo keeps meshes in
+single precision."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,17 @@ from typing import Any, NamedTuple
 from dexplan.errors import ProblemError
 
 PHYSICAL: Mapping[str, tuple[str, ...]] = {
-    "object": ("radius_m", "mass_kg"),
+    "object": ("radius_m", "mass_kg", "shape", "com_m", "inertia_kg_m2"),
     "hand": ("tip_radii_m", "base_azimuths_deg", "joint_ranges_deg"),
     "friction": ("sliding", "torsional_m"),
 }
 """Table of a problem -> its keys that say how the world is; ``obstacles`` do as a whole.
 
 ``friction.safety`` is none of them: it is how much less is believed, and nothing in the world.
+"""
+RIVALS = (("radius_m", "shape"), ("shape", "radius_m"), ("com_m", "mass_kg"), ("inertia_kg_m2", "mass_kg"))
+"""A table of a world that says the second and not the first means that there is no first: a ball has no shape, a homogeneous body
+no centre of mass of its own.
 """
 NAMES = ("name", "summary", "seed")
 """What a world may be called otherwise: these change nothing that happens."""
@@ -45,7 +49,9 @@ def join_world(problem: Mapping[str, Any], world: Mapping[str, Any] | None) -> M
     joined = dict(problem)
     for table, keys in PHYSICAL.items():
         given = world.get(table, _NOTHING)
-        joined[table] = {**problem.get(table, _NOTHING), **{key: given[key] for key in keys if key in given}}
+        rivals = {one for one, other in RIVALS if one not in given and other in given}
+        kept = {key: value for key, value in problem.get(table, _NOTHING).items() if key not in rivals}
+        joined[table] = {**kept, **{key: given[key] for key in keys if key in given}}
     if "obstacles" in world:
         joined["obstacles"] = world["obstacles"]
     return joined
