@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from dexplan.errors import DexplanError, ProblemError
 from dexplan.problems.rules import describe_accepted, spell
-from dexplan.scene.mesh_file import Mesh, read_mesh
 from dexplan.spatial import Array
+
+if TYPE_CHECKING:
+    from dexplan.scene.mesh_file import Mesh
 
 KEY = "object.shape"
 MOST_CORNERS = 600
@@ -46,6 +48,9 @@ def resolve_mesh(shape: Mapping[str, Any], source: str, folder: Path) -> dict[st
             raise ProblemError(
                 source, f"{KEY}.{name}", f"{spell(value)} does not fit", describe_accepted(f"{KEY}.{name}")
             )
+    # MuJoCo is only asked for where there is a mesh: reading problems is light.
+    from dexplan.scene.mesh_file import read_mesh
+
     try:
         mesh = read_mesh(folder / path)
     except DexplanError as error:
