@@ -1,6 +1,6 @@
 """One finger as a chain of hinges: forward, inverse, workspace and arcs; no MuJoCo.
 
-====================  ======================================================================================
+====================  ================================================================================================
 ``chain``             ``Chain``; ``compute_tip_pose``, ``compute_tip_jacobian``, ``solve_ik`` by damped Newton steps
 ``finger``            ``FingerDescription``: a chain with its tip, servos and home posture
 ``spherical_wrist``   inverse kinematics in closed form, where the last three hinges meet in a point
@@ -9,8 +9,9 @@
 ``workspace``         ``Workspace``, ``load_workspace``: where the tip can be, computed once and kept on disk
 ``land``              ``land``: postures that touch given places of a body, for any number of joints
 ``carry``             ``carry_fixed``, ``carry_rolling``: how far a contact goes along while the object moves
+``may_carry``         ``compute_steering``: what fingers decide of the object's motion, and what they leave to torsion
 ``arcs``              ``build_travel``, ``compute_hover``: how a free tip travels around the object
-====================  ======================================================================================
+====================  ================================================================================================
 
 A finger of two hinges about y, 40 mm and 30 mm long, stretched out along x:
 
@@ -32,6 +33,7 @@ __all__ = [
     "finger",
     "following",
     "land",
+    "may_carry",
     "pointing",
     "spherical_wrist",
     "workspace",

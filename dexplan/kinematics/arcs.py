@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose, wrap_near
+from dexplan.kinematics.chain import Chain, compute_joint_margin, compute_tip_pose, wrap_near
 from dexplan.kinematics.finger import FingerDescription
+from dexplan.kinematics.land import reach_centers
 from dexplan.kinematics.spherical_wrist import solve_near
 from dexplan.spatial import Array, build_frame
 
@@ -17,6 +19,7 @@ def interpolate(way: Array, share: Array) -> Array:
     return np.asarray(CubicSpline(np.linspace(0.0, 1.0, len(way)), way)(share), dtype=np.float64)
 
 
+_FREE = 6  # joints that a tip takes to have any pose
 SAMPLES = 17
 """Postures along one path."""
 
@@ -59,7 +62,7 @@ def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center
         swung = np.broadcast_to(directions[0], (SAMPLES, 3))
     X[:, :3, 3] = center + (distances[0] + share[:, None] * (distances[1] - distances[0])) * swung
     X[:, 3, 3] = 1.0
-    path, reached = solve_near(finger.chain, X, straight, tolerance=1e-5)
+    path, reached = _solve(finger.chain, X, straight)
     path = wrap_near(path, straight)
     if finger.chain.has_tip_roll:
         path[:, -1] = straight[:, -1]
@@ -76,11 +79,21 @@ def build_travel(finger: FingerDescription, q_start: Array, q_end: Array, center
     )
 
 
+def _solve(chain: Chain, X_WF: Array, q: Array, tolerance: float = 1e-5) -> tuple[Array, NDArray[np.bool_]]:
+    """Return postures (N, J) near ``q`` with the tip at poses (N, 4, 4), and which were reached (N,).
+
+    A finger of fewer than six joints takes its tip's centre there, the pole as near as may be.
+    """
+    if chain.n_joints < _FREE:
+        return reach_centers(chain, q, X_WF[:, :3, 3], X_WF[:, :3, 2])
+    return solve_near(chain, X_WF, q, tolerance=tolerance)
+
+
 def compute_hover(
     finger: FingerDescription, X_WO: Array, X_OF: Array, normal_O: Array, q: Array, gap: float
 ) -> Array:
     """Return the posture (J,) near ``q`` with the tip at its contact pose ``X_OF``, lifted ``gap`` [m] along the normal."""
     X = X_OF.copy()
     X[:3, 3] += gap * normal_O
-    solved, _ = solve_near(finger.chain, (X_WO @ X)[None], q[None])
+    solved, _ = _solve(finger.chain, (X_WO @ X)[None], q[None], tolerance=1e-7)
     return wrap_near(solved[0], q)

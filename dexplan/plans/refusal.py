@@ -60,6 +60,17 @@ class RefusalKind(StrEnum):
     # rolling
     TIP_POLE = "tip_pole", "{who} would roll too far off its tip's pole", "", "deg"
     TIP_ROTATION = "tip_rotation", "{who} would roll too far round on its tip", "", "deg"
+    LEFT_TO_TORSION = (
+        "left_to_torsion",
+        "{who} leave a turn of the object to torsional friction that is overcome",
+    )
+    """Contacts that pivot fix points of the object, and these are too few to fix all of it."""
+    PIVOT_SLIP = (
+        "pivot_slip",
+        "the tip of {who} would slide by {measured} mm while it turns about the normal",
+        "the tip of {who} would slide too far while it turns about the normal",
+        "mm",
+    )
     PAIR_NOT_OPENED = "pair_not_opened", "no pair of contacts can be opened far enough"
     CANNOT_ROLL_APART = (
         "cannot_roll_apart",

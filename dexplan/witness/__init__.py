@@ -1,9 +1,10 @@
 """The physics as witness: experiments about the paper's theorems, and about what we claim of ourselves.
 
-================  ==================================================================================
+================  ===========================================================================================
 ``experiments``   theorems as boundaries that MuJoCo obeys, through the whole hand: ``scripts/phase_diagram``
 ``lifted``        one finger lifted from a grasp of three: hold, spin or drop
 ``rolling``       rolls and rolling triangles in every heading: ``scripts/rolling_sweep``
+``rolling_hand``  three joints per finger: a ball turned on contacts that roll
 ``three_to_two``  from three fingers to two by rolling
 ``attitudes``     random attitudes from random starts, planned and carried out
 ``adjustments``   random goal grasps; ``shifts``: random shifts
@@ -11,7 +12,7 @@
 ``brute_force``   a refusal held against a grid of contacts
 ``endurance``     goal after goal in one rollout; ``endurance_picture``: told and drawn
 ``digests``       fingerprints of plans
-================  ==================================================================================
+================  ===========================================================================================
 
 ``scripts/`` has a script for each; nothing of the package needs this room.
 
@@ -33,6 +34,7 @@ __all__ = [
     "lifted",
     "report",
     "rolling",
+    "rolling_hand",
     "shifts",
     "three_to_two",
 ]

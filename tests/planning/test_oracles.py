@@ -18,6 +18,7 @@ from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.contacts.oracle import Contacts, Landfall, Progress
 from dexplan.planning.contacts.orbit_contacts import OrbitContacts
+from dexplan.planning.contacts.rolling_contacts import RollingContacts
 from dexplan.planning.contacts.site_contacts import SiteContacts
 from dexplan.planning.contacts.still import build_landings
 from dexplan.planning.contacts.track import Track
@@ -67,7 +68,7 @@ def begun(request: pytest.FixtureRequest, hand: HandModel) -> tuple[Any, Any]:
     return oracle, tuple(None if c is None else first.add(c) for c in landed)
 
 
-@pytest.mark.parametrize("oracle", [OrbitContacts, SiteContacts])
+@pytest.mark.parametrize("oracle", [OrbitContacts, SiteContacts, RollingContacts])
 def test_an_oracle_answers_every_question_of_the_protocol(oracle: type) -> None:
     asked = {name: member for name, member in vars(Contacts).items() if inspect.isfunction(member)}
     for name, question in asked.items():

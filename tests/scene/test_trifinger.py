@@ -7,32 +7,23 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from real_fingers import TRIFINGER_TIP, build_trifinger
+from real_fingers import build_trifinger
 
 from dexplan.errors import UnknownNameError
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
-from dexplan.scene.description import SceneParameters
+from dexplan.scene.library import TRIFINGER_BALL
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene, build_scene
-
-TRIFINGER = SceneParameters(
-    scene="trifinger_ball",
-    finger="trifinger",
-    object_radius=0.0325,
-    tip_radii=(TRIFINGER_TIP,) * 3,
-    base_azimuths_deg=(90.0, -30.0, -150.0),
-    torsional_friction=1.65e-3,
-)
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return build_scene(TRIFINGER)
+    return build_scene(TRIFINGER_BALL)
 
 
 def test_the_chains_are_those_of_the_published_lengths(scene: Scene) -> None:
     q = np.random.default_rng(0).uniform(-0.3, 1.0, (20, 3))
-    for finger, azimuth in zip(scene.fingers, TRIFINGER.base_azimuths_deg, strict=True):
+    for finger, azimuth in zip(scene.fingers, TRIFINGER_BALL.base_azimuths_deg, strict=True):
         published = build_trifinger(azimuth - 90.0)
         assert np.allclose(compute_tip_pose(finger.chain, q), compute_tip_pose(published, q), atol=1e-9)
         assert np.allclose(finger.chain.lower, published.lower)
@@ -44,7 +35,7 @@ def test_fingers_wait_beside_the_object_each_on_its_own_side(scene: Scene) -> No
     center = scene.object.X_WO_home[:3, 3]
     assert center[2] == pytest.approx(0.10)
     homes = np.stack([f.q_home for f in scene.fingers])
-    for finger, azimuth in zip(scene.fingers, np.radians(TRIFINGER.base_azimuths_deg), strict=True):
+    for finger, azimuth in zip(scene.fingers, np.radians(TRIFINGER_BALL.base_azimuths_deg), strict=True):
         arm = finger.pose_at(finger.q_home)[:3, 3] - center
         side = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         assert arm @ side > 0.9 * np.linalg.norm(arm)
@@ -71,4 +62,4 @@ def test_gravity_holds_for_the_whole_chain(scene: Scene) -> None:
 
 def test_an_unknown_kind_of_finger_is_named() -> None:
     with pytest.raises(UnknownNameError, match="allegro"):
-        build_scene(replace(TRIFINGER, finger="allegro"))
+        build_scene(replace(TRIFINGER_BALL, finger="allegro"))

@@ -1,12 +1,13 @@
 """Which contact forces?  A quadratic program per instant, solved by DAQP or OSQP, proven, and explained where it has no answer.
 
-===============  ==============================================================================
+===============  =====================================================================================
 ``solver``       ``ForceSolver``: built once per contact mode, asked once per tick
 ``problem``      ``ForceLimits``, ``ForceSettings``, ``ForceProblem``: what is asked
 ``solution``     ``ForceSolution``: forces with the problem they answer, residuals and proof
 ``certificate``  ``prove_optimality``: how far an answer is from the best one at most
+``pivoting``     ``PivotingSolver``: forces where contacts turn about their normals, torsion saturated
 ``diagnosis``    by how much which limit would have to give way where no forces exist
-===============  ==============================================================================
+===============  =====================================================================================
 
 Two soft fingers on opposite sides of a 60 g ball carry its weight and squeeze with about 5 N:
 
@@ -28,6 +29,6 @@ Two soft fingers on opposite sides of a 60 g ball carry its weight and squeeze w
 
 from dexplan.moved import forward
 
-__all__ = ["certificate", "diagnosis", "problem", "program", "solution", "solver"]
+__all__ = ["certificate", "diagnosis", "pivoting", "problem", "program", "solution", "solver"]
 
 __getattr__ = forward(__name__, ["dexplan.grasp.force.solver", "dexplan.grasp.force.problem"])

@@ -10,6 +10,7 @@
 ``separation``      how far apart two contacts have to be to hold alone
 ``order``           fingers stand around the object in the order of their bases
 ``tip_rotation``    the paper's rotation limit gamma of rolling tips
+``rolling_hold``    ``RollingHold``: one station of contacts that roll and pivot
 ==================  ===========================================================================
 
 By how much may the normals of two soft contacts be off the line through both, in degrees, at friction 0.55?
@@ -31,6 +32,7 @@ __all__ = [
     "loads",
     "lone_clearance",
     "order",
+    "rolling_hold",
     "separation",
     "squeeze",
     "tip_rotation",

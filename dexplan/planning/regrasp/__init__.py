@@ -1,12 +1,13 @@
 """Change the contacts while the object rests or is carried: which finger moves where, in which order.
 
-===============  =================================================================
-``search``       ``AdjustmentSearch``: from one of several grasps to a goal grasp
-``any_grip``     ``SiteGait``: a gait without any symmetry of the object
-``goal_side``    the goal grasp seen from behind
-``ends``         which grips at the end of the way are the goal
-``moves``        what such a search answers with
-===============  =================================================================
+================  ================================================================
+``search``        ``AdjustmentSearch``: from one of several grasps to a goal grasp
+``any_grip``      ``SiteGait``: a gait without any symmetry of the object
+``goal_side``     the goal grasp seen from behind
+``ends``          which grips at the end of the way are the goal
+``moves``         what such a search answers with
+``rolling_gait``  ``RollingGait``: a gait on contacts that roll
+================  ================================================================
 
 What such a search answers with is a list of moves; grasps are the same where fingers touch at the same places:
 
@@ -17,4 +18,4 @@ What such a search answers with is a list of moves; grasps are the same where fi
 (True, False)
 """
 
-__all__ = ["any_grip", "ends", "goal_side", "moves", "search"]
+__all__ = ["any_grip", "ends", "goal_side", "moves", "rolling_gait", "search"]

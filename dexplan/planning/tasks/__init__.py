@@ -7,6 +7,7 @@
 ``dextrous_manipulation``  ``plan_dextrous_manipulation``: both, in three orders [paper §1 (3)]
 ``starting``               ``Start``: the contacts that a problem begins with
 ``fixed_contacts``         ``plan_fixed_contacts``: no finger leaves its contact
+``rolling_fingers``        ``plan_rolling``: fingers of three joints and more, whose contacts roll
 =========================  ==========================================================================
 
 Callers go through :func:`dexplan.plan`, which asks the task that answers the kind of goal.  Here one is asked directly: fingers
@@ -32,6 +33,7 @@ __all__ = [
     "fixed_contacts",
     "grasp_adjustment",
     "object_manipulation",
+    "rolling_fingers",
     "rolling_start",
     "starting",
 ]

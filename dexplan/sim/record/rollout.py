@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -13,8 +13,8 @@ from mujoco.batch import Batch
 
 from dexplan.brief import brief_repr
 from dexplan.contact.bodies.smooth import BallBody
-from dexplan.control.controller import Controller
-from dexplan.control.foreign import ForeignController, ForeignDriver
+from dexplan.control.controller import Command, Controller
+from dexplan.control.foreign import ForeignCommand, ForeignController, ForeignDriver
 from dexplan.control.observation import Observation
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
@@ -69,22 +69,65 @@ def rollout(
     truth = truth or Truth()
     believed, scene = scene, truth.scene or scene
     model = scene.model
-    steps = round(options.tick / model.opt.timestep)
-    if steps < 1 or abs(steps * model.opt.timestep - options.tick) > 1e-9:
-        raise ValueError(
-            f"{options.rate:g} ticks per second do not last a whole number of physics steps of {model.opt.timestep:g} s"
-        )
+    steps = _count_steps(model, options.tick)
     data = mujoco.MjData(model)
     X_WO = scene.object.X_WO_home if truth.X_WO_start is None else truth.X_WO_start
-    own, senses = Controller(believed, reference, options), _Senses(scene, data)
+    own = Controller(believed, reference, options)
     driver = own if controller is None else ForeignDriver(controller, believed, reference, options)
     named = {} if isinstance(driver, Controller) else {"controller": driver.name}
     _set_start(scene, believed, reference, own, X_WO, data)
+    planned = max(reference.duration, options.tick)
+    return _drive(scene, driver, data, steps, planned, {**(meta or {}), **named}, progress)
+
+
+class Driver(Protocol):
+    """What is asked once per tick: dexplan's controller for hands of six joints, another one of ours, or somebody else's."""
+
+    def step(self, observation: Observation) -> Command | ForeignCommand:
+        """Return the command for the tick that starts now."""
+        ...
+
+
+def rollout_driver(
+    scene: Scene, driver: Driver, q: Array, X_WO: Array, tick: float, duration: float
+) -> Trace:
+    """Run a driver that knows its own plan and return the trace, as :func:`rollout` does.
+
+    The world starts at rest with the fingers at ``q`` (F, J) [rad] and the object at ``X_WO`` (4, 4); the run ends when the
+    driver is done, and at the latest after three times the planned ``duration`` [s].
+    """
+    data = mujoco.MjData(scene.model)
+    data.qpos[:] = scene.as_qpos(q, X_WO)
+    mujoco.mj_forward(scene.model, data)
+    return _drive(scene, driver, data, _count_steps(scene.model, tick), duration, {})
+
+
+def _count_steps(model: mujoco.MjModel, tick: float) -> int:
+    """Return how many steps of physics a control period [s] lasts; raises ValueError where that is no whole number."""
+    steps = round(tick / model.opt.timestep)
+    if steps < 1 or abs(steps * model.opt.timestep - tick) > 1e-9:
+        raise ValueError(
+            f"{1.0 / tick:g} ticks per second do not last a whole number of physics steps of {model.opt.timestep:g} s"
+        )
+    return steps
+
+
+def _drive(
+    scene: Scene,
+    driver: Driver,
+    data: mujoco.MjData,
+    steps: int,
+    planned: float,
+    meta: Mapping[str, Any],
+    progress: Callable[[float], None] | None = None,
+) -> Trace:
+    """Step the world in ``data`` under a driver, ``steps`` steps per tick, until it is done or the object is lost."""
+    model, senses = scene.model, _Senses(scene, data)
     initial_state = np.zeros(mujoco.mj_stateSize(model, STATE))
     mujoco.mj_getState(model, data, initial_state, STATE)
     # On this thread alone: whoever wants more cores runs more runs.
-    recorder = Recorder(scene, Batch(build_touch_model(scene), BATCH, 1), has_internals=driver is own)
-    planned = max(reference.duration, options.tick)
+    has_internals = isinstance(driver, Controller)
+    recorder = Recorder(scene, Batch(build_touch_model(scene), BATCH, 1), has_internals=has_internals)
     failure: str | None = None
 
     def as_trace(failure: str | None) -> Trace:
@@ -92,10 +135,10 @@ def rollout(
         columns["initial_state"] = initial_state
         columns["physics_steps_per_sample"] = np.array(steps)
         made_by = {"versions": describe_versions(*PACKAGES), "machine": describe_machine()}
-        return Trace(scene.xml, columns, {**(meta or {}), **named, "failure": failure, **made_by})
+        return Trace(scene.xml, columns, {**meta, "failure": failure, **made_by})
 
     try:
-        for _ in range(int(3.0 * planned / options.tick) + 500):
+        for _ in range(int(3.0 * planned / (steps * model.opt.timestep)) + 500):
             command = driver.step(senses.observe())
             data.ctrl[:] = command.ctrl
             recorder.keep(data, command)
