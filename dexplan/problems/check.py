@@ -26,7 +26,7 @@ from dexplan.problems.rules import (
     spell,
     suggest,
 )
-from dexplan.problems.sections import ProblemFields
+from dexplan.problems.sections import GoalSection, ProblemFields, Waypoint
 from dexplan.problems.shapes import build_shape, check_object
 
 SMALLEST_NORM = 1e-9
@@ -165,17 +165,43 @@ def _check_start(problem: ProblemFields, source: str) -> None:
         check_contacts(problem, problem.start.contacts_deg, "start.contacts_deg", source)
 
 
-def _check_goal(problem: ProblemFields, source: str) -> None:
-    goal = problem.goal
+def _check_motion(goal: GoalSection | Waypoint, table: str, source: str) -> None:
+    """Refuse two motions for one goal, an axis without direction and a quaternion that is none."""
     if goal.rotation is not None and goal.orientation_wxyz is not None:
         fact = f"both rotation and orientation_wxyz {spell(list(goal.orientation_wxyz))} are given"
-        raise ProblemError(source, "goal", fact, "accepted: one of the two")
+        raise ProblemError(source, table, fact, "accepted: one of the two")
     if goal.rotation is not None and math.hypot(*goal.rotation.axis) < SMALLEST_NORM:
         fact = f"{spell(list(goal.rotation.axis))} has no direction"
-        raise ProblemError(source, "goal.rotation.axis", fact, describe_accepted("goal.rotation.axis"))
+        raise ProblemError(source, f"{table}.rotation.axis", fact, describe_accepted("goal.rotation.axis"))
     if goal.orientation_wxyz is not None and math.hypot(*goal.orientation_wxyz) < SMALLEST_NORM:
         fact = f"{spell(list(goal.orientation_wxyz))} is no attitude"
-        raise ProblemError(source, "goal.orientation_wxyz", fact, describe_accepted("goal.orientation_wxyz"))
+        key = f"{table}.orientation_wxyz"
+        raise ProblemError(source, key, fact, describe_accepted("goal.orientation_wxyz"))
+
+
+def _check_waypoints(goal: GoalSection, source: str) -> None:
+    if goal.waypoints is None:
+        return
+    if not goal.waypoints:
+        raise ProblemError(source, "goal.waypoints", "[] names no goal", describe_accepted("goal.waypoints"))
+    if goal.kind != "object_manipulation":
+        accepted = (
+            'accepted: waypoints of the object alone, kind = "object_manipulation", without contacts_deg'
+        )
+        raise ProblemError(source, "goal.waypoints", f'given for kind = "{goal.kind}"', accepted)
+    if goal.rotation is not None or goal.orientation_wxyz is not None or any(goal.translation_m):
+        fact = "given beside another motion"
+        raise ProblemError(
+            source, "goal.waypoints", fact, "accepted: one of the two; the last waypoint is the goal"
+        )
+    for index, waypoint in enumerate(goal.waypoints):
+        _check_motion(waypoint, f"goal.waypoints[{index}]", source)
+
+
+def _check_goal(problem: ProblemFields, source: str) -> None:
+    goal = problem.goal
+    _check_motion(goal, "goal", source)
+    _check_waypoints(goal, source)
     if goal.kind == "object_manipulation":
         if goal.contacts_deg is not None:
             accepted = 'accepted: none here, or kind = "dextrous_manipulation" to move object and grasp'

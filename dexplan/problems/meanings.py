@@ -78,6 +78,13 @@ KEYS = {
     "goal.contacts_deg.point_m": "a point of the object's surface, object frame",
     "goal.order": "what a dextrous manipulation does first: the paper's (a), (b), (c)",
     "goal.keep_object": "grasp adjustment only: the object has to be back where it was at the end",
+    "goal.waypoints": "several goals in a row, each asked of the object where the one before left it; in place of rotation, "
+    "orientation_wxyz and translation_m",
+    "goal.waypoints.rotation": "a turn about the object's origin",
+    "goal.waypoints.rotation.axis": "the axis of the turn in world axes, of any length",
+    "goal.waypoints.rotation.angle_deg": "how far to turn; beyond 360 means more turns",
+    "goal.waypoints.orientation_wxyz": "a goal attitude in the world, taken the shortest way",
+    "goal.waypoints.translation_m": "how far the object's origin is to be shifted from there, in world axes",
     "gait.primitives": "how fingers may be exchanged; none: the contacts stay as they are",
     "gait.node_budget": "how many nodes the search may open before it gives up",
     "gait.improvement": "how much longer than for the first plan the search goes on for a cheaper one; 0: not at all",

@@ -35,6 +35,8 @@ LARGEST_FILE = 1 << 20
 RANDOM = "random"
 """A goal attitude that is drawn from the problem's seed."""
 
+GOALS = {"rotation", "orientation_wxyz", "translation_m", "contacts_deg", "waypoints"}
+"""Keys of ``[goal]`` that ask for something."""
 LONGEST_COMPLAINT = 160
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
@@ -137,10 +139,8 @@ def _check_format(data: dict[str, Any], source: str) -> None:
 
 
 def _check_goal_says_something(goal: Any, source: str) -> None:
-    if isinstance(goal, dict) and not {"rotation", "orientation_wxyz", "translation_m", "contacts_deg"} & set(
-        goal
-    ):
-        accepted = "accepted: rotation, orientation_wxyz, translation_m or contacts_deg"
+    if isinstance(goal, dict) and not GOALS & set(goal):
+        accepted = "accepted: rotation, orientation_wxyz, translation_m, contacts_deg or waypoints"
         raise ProblemError(source, "goal", "names no goal", accepted)
 
 
