@@ -8,6 +8,7 @@
 ``probe``          ``HandProbe``: what is nearest, and torques; MuJoCo's answers to planning's questions
 ``penetration``    how deep a squeeze presses a tip into an object at rest
 ``touch``          which contacts MuJoCo reports, as contacts of fingers
+``object_parts``   ``read_object``: body and mass of a compiled model's object
 ``finger_models``  ``FINGER_MODELS``: the kinds of finger a hand can have
 =================  =====================================================================================
 
@@ -17,4 +18,14 @@
 (3, 0.12)
 """
 
-__all__ = ["description", "finger_models", "library", "penetration", "probe", "scene", "shape", "touch"]
+__all__ = [
+    "description",
+    "finger_models",
+    "library",
+    "object_parts",
+    "penetration",
+    "probe",
+    "scene",
+    "shape",
+    "touch",
+]

@@ -77,7 +77,7 @@ def dress_model(xml: str, fingers: tuple[str, ...]) -> mujoco.MjModel:
     coat = _add_coat(spec, body)
     for k, finger in enumerate(fingers):
         if spec.body(f"{finger}/{WRIST}") is None:
-            _color_tip(spec, finger, as_rgb(get_finger_color(k)))
+            _color_rubber(spec, finger, as_rgb(get_finger_color(k)))
             continue
         _add_ghost(spec, finger, as_rgb(get_finger_color(k)))
         _add_parts(spec, finger, [part for part in PARTS if k == 0 or part.name not in ONCE])
@@ -151,11 +151,11 @@ def _add_ghost(spec: mujoco.MjSpec, finger: str, color: Array) -> None:
     _make_unreal(geom)
 
 
-def _color_tip(spec: mujoco.MjSpec, finger: str, color: Array) -> None:
-    """Give the tip of another kind of finger the colour of the finger."""
-    tip = spec.geom(f"{finger}/tip")
-    if tip is not None:
-        tip.material, tip.rgba = "", [*color, 1.0]
+def _color_rubber(spec: mujoco.MjSpec, finger: str, color: Array) -> None:
+    """Give the rubber of another kind of finger the colour of the finger."""
+    rubber = spec.material(f"{finger}/rubber")
+    if rubber is not None:
+        rubber.rgba = [*color, 1.0]
 
 
 def _make_unreal(geom: mujoco.MjsGeom) -> None:

@@ -138,4 +138,5 @@ def test_another_kind_of_finger_gets_no_parts_of_this_one() -> None:
     seen = dress_model(xml, FINGERS)
     assert not any(seen.geom(g).name.endswith("_seen") for g in range(seen.ngeom))
     for k, finger in enumerate(FINGERS):
-        assert np.allclose(seen.geom(f"{finger}/tip").rgba[:3], as_rgb(get_finger_color(k)), atol=1e-6)
+        material = seen.mat(int(seen.geom(f"{finger}/tip").matid[0]))
+        assert np.allclose(material.rgba[:3], as_rgb(get_finger_color(k)), atol=1e-6)
