@@ -9,6 +9,7 @@
 ``probe``          ``HandProbe``: what is nearest, and torques; MuJoCo's answers to planning's questions
 ``penetration``    how deep a squeeze presses a tip into an object at rest
 ``touch``          which contacts MuJoCo reports, as contacts of fingers
+``object_parts``   ``read_object``: body and mass of a compiled model's object
 ``finger_models``  ``FINGER_MODELS``: the kinds of finger a hand can have
 =================  =====================================================================================
 
@@ -23,6 +24,7 @@ __all__ = [
     "finger_models",
     "library",
     "mesh_file",
+    "object_parts",
     "penetration",
     "probe",
     "scene",
