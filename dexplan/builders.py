@@ -16,15 +16,17 @@ from dexplan.planning.admissible.limits import AdmissibleLimits
 from dexplan.planning.admissible.squeeze import DEPTH, DEPTH_CEILING, Squeeze, choose_squeeze
 from dexplan.planning.search.cost import CostWeights, Improvement
 from dexplan.plans.forces import NormalForces
+from dexplan.plans.goal import RotationGoal
 from dexplan.plans.margins import MarginLimits
 from dexplan.plans.timing import Timing
-from dexplan.problems.problem import Problem
+from dexplan.problems.problem import GoalSection, Problem, Waypoint
 from dexplan.problems.shapes import build_shape
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
 from dexplan.scene.penetration import compute_force_at
 from dexplan.scene.probe import HandProbe
 from dexplan.scene.scene import Scene
+from dexplan.spatial import Array, as_pose
 
 
 def build_scene(problem: Problem) -> Scene:
@@ -116,6 +118,28 @@ def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
         ContactCone(np.array(region.axis), float(np.radians(region.half_angle_deg)))
         for region in problem.object.allowed_regions
     )
+
+
+def build_goals(problem: Problem, X_WO: Array) -> tuple[RotationGoal, ...]:
+    """Return the goals of the object's motion, one after the other, each from where the one before ends; the first from ``X_WO``.
+
+    A goal without a motion is one whose motion goes nowhere.
+    """
+    goals: list[RotationGoal] = []
+    for asked in problem.goal.waypoints or (problem.goal,):
+        goals.append(_build_goal(asked, goals[-1].X_WO_goal if goals else X_WO))
+    return tuple(goals)
+
+
+def _build_goal(asked: GoalSection | Waypoint, X_WO: Array) -> RotationGoal:
+    shift = np.array(asked.translation_m)
+    if asked.rotation is not None:
+        axis, angle = np.array(asked.rotation.axis), float(np.radians(asked.rotation.angle_deg))
+        return RotationGoal(X_WO, axis, angle, shift)
+    if asked.orientation_wxyz is not None:
+        R_WO = as_pose([0.0, 0.0, 0.0, *asked.orientation_wxyz])[:3, :3]
+        return RotationGoal.from_attitude(X_WO, R_WO, shift)
+    return RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
 
 
 def build_timing(problem: Problem) -> Timing:

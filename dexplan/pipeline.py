@@ -9,11 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from dexplan.builders import (  # noqa: F401 - callers find them all here
     build_allowed_regions,
     build_friction,
+    build_goals,
     build_hand,
     build_improvement,
     build_limits,
@@ -26,7 +25,7 @@ from dexplan.builders import (  # noqa: F401 - callers find them all here
 from dexplan.control.foreign import ForeignController
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import build_reference
-from dexplan.errors import DexplanError
+from dexplan.errors import DexplanError, ProblemError
 from dexplan.planning.actions import schedule
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.search.options import SearchOptions
@@ -36,7 +35,6 @@ from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
 from dexplan.planning.tasks.object_manipulation import refuse
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
-from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan
 from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
@@ -51,7 +49,7 @@ from dexplan.sim.judge.world import read_world
 from dexplan.sim.record import rollout as _rollout
 from dexplan.sim.record.keyframes import name_states
 from dexplan.sim.trace import Trace, check_replayable
-from dexplan.spatial import Array, as_pose
+from dexplan.spatial import Array
 from dexplan.viz.film import CAMERAS, FPS, SIZE, Film, FilmOptions
 from dexplan.viz.story import build_captions
 
@@ -77,16 +75,14 @@ def time_plan(problem: Problem, plan: Plan, timing: Timing | None = None) -> Pla
 def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
     """Return the plan of the room that answers the goal's kind."""
     X_WO, asked = scene.object.X_WO_home, problem.goal
-    shift = np.array(asked.translation_m)
-    if asked.rotation is not None:
-        axis, angle = np.array(asked.rotation.axis), float(np.radians(asked.rotation.angle_deg))
-        goal = RotationGoal(X_WO, axis, angle, shift)
-    elif asked.orientation_wxyz is not None:
-        goal = RotationGoal.from_attitude(
-            X_WO, as_pose([0.0, 0.0, 0.0, *asked.orientation_wxyz])[:3, :3], shift
+    if asked.waypoints is not None:
+        raise ProblemError(
+            problem.name,
+            "goal.waypoints",
+            f"{len(asked.waypoints)} goals in a row are read, and not planned yet",
+            "accepted: one goal, by rotation, orientation_wxyz or translation_m",
         )
-    else:
-        goal = RotationGoal(X_WO, np.array([0.0, 0.0, 1.0]), 0.0, shift)
+    (goal,) = build_goals(problem, X_WO)
     if refusal := build_squeeze(problem, scene).refusal:
         reason = f"{refusal}; {refusal.cure}"
         plan = refuse(hand, goal, Status.OBJECT_TOO_LIGHT, reason, refusal)

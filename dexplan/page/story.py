@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from dexplan.builders import build_margin_limits
+from dexplan.contact.bodies.body import ConvexBody
 from dexplan.contact.bodies.names import name_body, name_flats
 from dexplan.page.html import Child, as_data_uri, build, build_picture, build_section
 from dexplan.page.pictures import Pictures
@@ -14,6 +15,7 @@ from dexplan.page.subject import Subject, name_action
 from dexplan.plans.margins import MarginLimits, describe_margins, find_tightest
 from dexplan.plans.words import describe_goal_contacts, explain_action
 from dexplan.viz.body import find_body
+from dexplan.viz.story import name_face
 from dexplan.viz.summary_panels import describe_briefly
 from dexplan.viz.timeline import build_action_spans
 
@@ -51,6 +53,7 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
     if not plan.actions:
         return None
     spans = {} if subject.trace is None else {s.action_index: s for s in build_action_spans(subject.trace)}
+    body = None if subject.trace is None else find_body(subject.trace.model_xml)
     parts: list[Child] = []
     if plan.goal_contacts is not None:
         words = describe_goal_contacts(plan.fingers, plan.goal_contacts)
@@ -60,7 +63,7 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
     if pictures.by_time:
         words = "Pictures show the end of each action, left the hand and right the object: a cone holds the forces that "
         words += "friction allows, the arrow in it is the force, numbers are fingers"
-        words += f"{_tell_faces(subject)}."
+        words += f"{_tell_faces(body)}."
         parts.append(build("p", words, class_="note"))
     parts.append(build("p", TERMS, class_="note"))
     if pictures.missing:
@@ -75,7 +78,7 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
             when = "not reached" if subject.trace is not None else ""
         told = build(
             "div",
-            build("h3", f"{k + 1}. {describe_briefly(plan, k)}"),
+            build("h3", f"{k + 1}. {describe_briefly(plan, k)}{name_face(action, body)}"),
             build("p", when, class_="when") if when else None,
             build("p", f"{sentence[:1].upper()}{sentence[1:]}."),
             _build_margins(action.margins, limits),
@@ -92,11 +95,8 @@ def build_plan(subject: Subject, pictures: Pictures, times: dict[int, float]) ->
     return build_section("plan", f"The plan in words: {len(plan.actions)} actions", parts)
 
 
-def _tell_faces(subject: Subject) -> str:
+def _tell_faces(body: ConvexBody | None) -> str:
     """Return what the letters on the object are, where it has any."""
-    if subject.trace is None:
-        return ""
-    body = find_body(subject.trace.model_xml)
     letters = () if body is None else name_flats(body)
     return f", letters are faces of the {name_body(body)}" if any(letters) else ""
 

@@ -12,13 +12,11 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.errors import ProblemError
+from dexplan.problems.contact_points import check_contacts
 from dexplan.problems.derived import as_name, compute_largest_torsion
 from dexplan.problems.rules import (
-    AZIMUTH,
     BOUNDS,
-    ELEVATION,
     JOINT_PATTERN,
     NAME_PATTERN,
     OBSTACLE_SIZES,
@@ -28,12 +26,8 @@ from dexplan.problems.rules import (
     spell,
     suggest,
 )
-from dexplan.problems.sections import ContactPoint, ContactSpec, ProblemFields
+from dexplan.problems.sections import GoalSection, ProblemFields, Waypoint
 from dexplan.problems.shapes import build_shape, check_object
-
-SURFACE_TOLERANCE = 0.01
-"""A ``point_m`` contact may miss the object's surface by this part of its radius, or of what
-corresponds to it."""
 
 SMALLEST_NORM = 1e-9
 """A shorter axis or quaternion counts as zero."""
@@ -73,7 +67,15 @@ def _check_numbers(problem: ProblemFields, source: str) -> None:
     for key, value in _walk_numbers(problem.as_dict(), ""):
         bounds = BOUNDS.get(re.sub(r"\[\d+\]", "", key))
         if bounds is not None and not bounds.accepts(value):
-            raise ProblemError(source, key, f"{spell(value)} is out of range", describe_accepted(key))
+            accepted = describe_accepted(key)
+            if (
+                key.startswith("object.")
+                and bounds.unit == "m"
+                and abs(value) > 1.0
+                and bounds.accepts(1e-3 * value)
+            ):
+                accepted += f"; {value:g} mm are {1e-3 * value:g} m"
+            raise ProblemError(source, key, f"{spell(value)} is out of range", accepted)
 
 
 def _walk_numbers(value: Any, key: str) -> Iterator[tuple[str, float]]:
@@ -129,13 +131,18 @@ def _check_friction(problem: ProblemFields, source: str) -> None:
     16) mu a.
     """
     friction, tip = problem.friction, min(problem.hand.tip_radii_m)
-    highest = compute_largest_torsion(friction.sliding, tip)
+    curvature = build_shape(problem.object).curvature
+    highest = compute_largest_torsion(friction.sliding, tip, curvature)
     if friction.torsional_m > highest * (1.0 + 1e-12):
         patch_mm = 1e3 * friction.torsional_m / (3.0 * math.pi / 16.0 * friction.sliding)
         patch = f"a contact patch of radius {patch_mm:.1f} mm on a tip of {1e3 * tip:g} mm"
         fact = f"{spell(friction.torsional_m)} implies {patch}"
         named = math.floor(highest * 1e7) / 1e7 or highest
-        accepted = f"accepted: at most 0.3 * sliding * smallest tip radius = {named:.7g} m"
+        rule = "0.3 * sliding * smallest tip radius"
+        if highest < compute_largest_torsion(friction.sliding, tip):
+            sizes = f"r {1e3 * tip:g} mm and R {1e3 / curvature:.3g} mm, where the object is roundest,"
+            rule = f"0.59 * sliding * r R / (r + R) with {sizes}"
+        accepted = f"accepted: at most {rule} = {named:.7g} m"
         raise ProblemError(source, "friction.torsional_m", fact, accepted)
 
 
@@ -155,61 +162,46 @@ def _check_forces(problem: ProblemFields, source: str) -> None:
 
 def _check_start(problem: ProblemFields, source: str) -> None:
     if problem.start.contacts_deg != "auto":
-        _check_contacts(problem, problem.start.contacts_deg, "start.contacts_deg", source)
+        check_contacts(problem, problem.start.contacts_deg, "start.contacts_deg", source)
 
 
-def _check_contacts(problem: ProblemFields, contacts: tuple[ContactSpec, ...], key: str, source: str) -> None:
-    """Check one entry per finger, two or more touching, each one a place on the object."""
-    if len(contacts) != problem.hand.finger_count:
-        accepted = f"accepted: {problem.hand.finger_count} entries, one per finger"
-        raise ProblemError(source, key, f"has {len(contacts)} entries", accepted)
-    touching = sum(contact != "free" for contact in contacts)
-    if touching < 2:
-        raise ProblemError(
-            source, key, f"only {touching} finger(s) touch", "accepted: two or more that are not free"
-        )
-    for index, contact in enumerate(contacts):
-        where = f"{key}[{index}]"
-        if isinstance(contact, ContactPoint):
-            _check_point(problem, contact.point_m, f"{where}.point_m", source)
-        elif contact != "free":
-            for place, value, bounds in (
-                ("azimuth", contact[0], AZIMUTH),
-                ("elevation", contact[1], ELEVATION),
-            ):
-                if not bounds.accepts(value):
-                    raise ProblemError(
-                        source, where, f"{place} {spell(value)} is out of range", f"accepted: {bounds}"
-                    )
+def _check_motion(goal: GoalSection | Waypoint, table: str, source: str) -> None:
+    """Refuse two motions for one goal, an axis without direction and a quaternion that is none."""
+    if goal.rotation is not None and goal.orientation_wxyz is not None:
+        fact = f"both rotation and orientation_wxyz {spell(list(goal.orientation_wxyz))} are given"
+        raise ProblemError(source, table, fact, "accepted: one of the two")
+    if goal.rotation is not None and math.hypot(*goal.rotation.axis) < SMALLEST_NORM:
+        fact = f"{spell(list(goal.rotation.axis))} has no direction"
+        raise ProblemError(source, f"{table}.rotation.axis", fact, describe_accepted("goal.rotation.axis"))
+    if goal.orientation_wxyz is not None and math.hypot(*goal.orientation_wxyz) < SMALLEST_NORM:
+        fact = f"{spell(list(goal.orientation_wxyz))} is no attitude"
+        key = f"{table}.orientation_wxyz"
+        raise ProblemError(source, key, fact, describe_accepted("goal.orientation_wxyz"))
 
 
-def _check_point(problem: ProblemFields, point: tuple[float, float, float], key: str, source: str) -> None:
-    body = build_shape(problem.object).as_body()
-    found = body.project(point)
-    if abs(float(found.distance)) <= SURFACE_TOLERANCE * body.bound:
+def _check_waypoints(goal: GoalSection, source: str) -> None:
+    if goal.waypoints is None:
         return
-    if isinstance(body, BallBody):
-        fact = f"{spell(list(point))} lies {math.hypot(*point):.6g} m from the object's centre"
-        accepted = f"accepted: a point of its surface, at {body.radius:g} m"
-    else:
-        where = "outside" if found.distance > 0.0 else "inside"
-        fact = f"{spell(list(point))} lies {1e3 * abs(float(found.distance)):.3g} mm {where} the object's surface"
-        nearest = ", ".join(f"{x:.5g}" for x in found.point)
-        accepted = f"accepted: a point of its surface, the nearest is [{nearest}]"
-    raise ProblemError(source, key, fact, accepted)
+    if not goal.waypoints:
+        raise ProblemError(source, "goal.waypoints", "[] names no goal", describe_accepted("goal.waypoints"))
+    if goal.kind != "object_manipulation":
+        accepted = (
+            'accepted: waypoints of the object alone, kind = "object_manipulation", without contacts_deg'
+        )
+        raise ProblemError(source, "goal.waypoints", f'given for kind = "{goal.kind}"', accepted)
+    if goal.rotation is not None or goal.orientation_wxyz is not None or any(goal.translation_m):
+        fact = "given beside another motion"
+        raise ProblemError(
+            source, "goal.waypoints", fact, "accepted: one of the two; the last waypoint is the goal"
+        )
+    for index, waypoint in enumerate(goal.waypoints):
+        _check_motion(waypoint, f"goal.waypoints[{index}]", source)
 
 
 def _check_goal(problem: ProblemFields, source: str) -> None:
     goal = problem.goal
-    if goal.rotation is not None and goal.orientation_wxyz is not None:
-        fact = f"both rotation and orientation_wxyz {spell(list(goal.orientation_wxyz))} are given"
-        raise ProblemError(source, "goal", fact, "accepted: one of the two")
-    if goal.rotation is not None and math.hypot(*goal.rotation.axis) < SMALLEST_NORM:
-        fact = f"{spell(list(goal.rotation.axis))} has no direction"
-        raise ProblemError(source, "goal.rotation.axis", fact, describe_accepted("goal.rotation.axis"))
-    if goal.orientation_wxyz is not None and math.hypot(*goal.orientation_wxyz) < SMALLEST_NORM:
-        fact = f"{spell(list(goal.orientation_wxyz))} is no attitude"
-        raise ProblemError(source, "goal.orientation_wxyz", fact, describe_accepted("goal.orientation_wxyz"))
+    _check_motion(goal, "goal", source)
+    _check_waypoints(goal, source)
     if goal.kind == "object_manipulation":
         if goal.contacts_deg is not None:
             accepted = 'accepted: none here, or kind = "dextrous_manipulation" to move object and grasp'
@@ -220,7 +212,7 @@ def _check_goal(problem: ProblemFields, source: str) -> None:
         accepted = describe_accepted("goal.contacts_deg")
         raise ProblemError(source, "goal.contacts_deg", f'missing for kind = "{goal.kind}"', accepted)
     else:
-        _check_contacts(problem, goal.contacts_deg, "goal.contacts_deg", source)
+        check_contacts(problem, goal.contacts_deg, "goal.contacts_deg", source)
     turns = goal.orientation_wxyz is not None or (
         goal.rotation is not None and goal.rotation.angle_deg != 0.0
     )

@@ -9,10 +9,15 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Mapping
+from math import pi
 from typing import Any
 
+from msgspec import ValidationError, convert
+
+from dexplan.problems.object_section import ObjectSection, ShapeSection
 from dexplan.problems.rules import BOUNDS
 from dexplan.problems.sections import ForcesSection, FrictionSection, HandSection
+from dexplan.problems.shapes import build_shape
 
 PATCH_PER_TIP = 0.3
 """``torsional_m`` may be at most this times sliding times tip radius: a patch about half as wide as the tip [Hertz]."""
@@ -24,9 +29,15 @@ ALTERNATIVES = ("rotation", "orientation_wxyz")
 """Keys of ``[goal]`` of which a problem may have one."""
 
 
-def compute_largest_torsion(sliding: float, tip_radius: float) -> float:
-    """Return the largest torsional friction [m] that a tip of this radius [m] can have at this sliding friction."""
-    return PATCH_PER_TIP * sliding * tip_radius
+def compute_largest_torsion(sliding: float, tip_radius: float, curvature: float = 0.0) -> float:
+    """Return the largest torsional friction [m] that a tip of this radius [m] can have at this sliding friction.
+
+    On a face, and on a ball, whose curvature is left out, the patch is about half as wide as the tip.  On a body of the mean
+    ``curvature`` 1 / R [1/m] it is no wider than r R / (r + R), the radius of the sphere that touches a plane as these two touch
+    each other [Hertz]; its torsion is then mu_t = 3 pi / 16 mu a.
+    """
+    widest = 1.0 / (1.0 / tip_radius + curvature)
+    return sliding * min(PATCH_PER_TIP * tip_radius, 3.0 * pi / 16.0 * widest)
 
 
 def as_name(text: str) -> str:
@@ -81,7 +92,19 @@ def _derive_torsion(data: Mapping[str, Any]) -> float | None:
     tips = hand.get("tip_radii_m", HandSection.tip_radii_m)
     if not isinstance(tips, list | tuple) or not all(_is_positive(x) for x in (sliding, *tips)) or not tips:
         return None
-    return min(FrictionSection.torsional_m, compute_largest_torsion(sliding, min(tips)))
+    curvature = _find_curvature(data.get("object"))
+    return min(FrictionSection.torsional_m, compute_largest_torsion(sliding, min(tips), curvature))
+
+
+def _find_curvature(thing: object) -> float:
+    """Return the greatest mean curvature [1/m] of the object; 0 where what is written is no shape, and for a ball."""
+    shape = thing.get("shape") if isinstance(thing, dict) else None
+    try:
+        return (
+            0.0 if shape is None else build_shape(ObjectSection(shape=convert(shape, ShapeSection))).curvature
+        )
+    except (ValidationError, ValueError):
+        return 0.0
 
 
 def _derive_forces(forces: Mapping[str, Any]) -> dict[str, float]:

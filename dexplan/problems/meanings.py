@@ -32,13 +32,18 @@ KEYS = {
     "seed": 'what is drawn is drawn from this, such as orientation_wxyz = "random"',
     "object.radius_m": "radius of the ball",
     "object.shape": "another convex shape than a ball, about the object's origin, in place of radius_m: ellipsoid with "
-    "semi_axes_m, box with half_sizes_m, capsule or cylinder (along z) with radius_m and half_length_m, mesh with vertices_m",
+    "semi_axes_m, box with half_sizes_m, capsule or cylinder (along z) with radius_m and half_length_m, mesh with "
+    "vertices_m or path",
     "object.shape.kind": "which shape: ellipsoid, capsule, cylinder (both along z), box, or mesh, whose convex hull is taken",
     "object.shape.semi_axes_m": "semi-axes of an ellipsoid along x, y, z",
     "object.shape.half_sizes_m": "half sizes of a box along x, y, z",
     "object.shape.radius_m": "radius of a capsule or cylinder",
     "object.shape.half_length_m": "half of a cylinder's length, or of the distance between a capsule's centres",
     "object.shape.rim_m": "radius with which a cylinder's edges are rounded; 0: sharp",
+    "object.shape.path": "mesh file, OBJ or binary STL, relative to the problem file; a run folder's copy has "
+    "vertices_m instead",
+    "object.shape.scale": "metres per unit of the mesh file; left out: 1",
+    "object.shape.origin_m": "point of the scaled mesh that becomes the object's origin; left out: the mesh's own",
     "object.shape.vertices_m": "points whose convex hull the object is, about its origin, which has to be inside",
     "object.shape.taken_from": "name of the file that the vertices were read from; written by dexplan",
     "object.shape.mesh_volume_m3": "volume inside the mesh that the vertices are the hull of; written by dexplan",
@@ -56,7 +61,8 @@ KEYS = {
     "hand.joint_ranges_deg": "narrows the range of a joint, never widens it; left out: the model's ranges",
     "friction.sliding": "coefficient of sliding friction (mu) in the simulation",
     "friction.torsional_m": "coefficient of torsional friction in the simulation, as a length (MuJoCo's unit); at most "
-    "0.3 * sliding * smallest tip radius; left out: the smaller of this number and that bound",
+    "0.3 * sliding * smallest tip radius, less on a body that is rounder than the tips; left out: the smaller of this number "
+    "and that bound",
     "friction.safety": "planner and controller believe sliding / safety and torsional_m / safety",
     "start.contacts_deg": 'one entry per finger, on the object in its own frame; "free": off the object; "auto" instead of the '
     "list: the planner chooses",
@@ -72,6 +78,13 @@ KEYS = {
     "goal.contacts_deg.point_m": "a point of the object's surface, object frame",
     "goal.order": "what a dextrous manipulation does first: the paper's (a), (b), (c)",
     "goal.keep_object": "grasp adjustment only: the object has to be back where it was at the end",
+    "goal.waypoints": "several goals in a row, each asked of the object where the one before left it; in place of rotation, "
+    "orientation_wxyz and translation_m",
+    "goal.waypoints.rotation": "a turn about the object's origin",
+    "goal.waypoints.rotation.axis": "the axis of the turn in world axes, of any length",
+    "goal.waypoints.rotation.angle_deg": "how far to turn; beyond 360 means more turns",
+    "goal.waypoints.orientation_wxyz": "a goal attitude in the world, taken the shortest way",
+    "goal.waypoints.translation_m": "how far the object's origin is to be shifted from there, in world axes",
     "gait.primitives": "how fingers may be exchanged; none: the contacts stay as they are",
     "gait.node_budget": "how many nodes the search may open before it gives up",
     "gait.improvement": "how much longer than for the first plan the search goes on for a cheaper one; 0: not at all",

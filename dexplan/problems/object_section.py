@@ -22,7 +22,8 @@ class AllowedRegion:
 class ShapeSection:
     """A convex body about the object's origin, in the object frame; which lengths it has follows from its ``kind``.
 
-    A mesh stands for the convex hull of ``vertices_m``.
+    A mesh stands for the convex hull of ``vertices_m``.  A file may name an OBJ or STL file by ``path`` instead, scaled and moved
+    by ``scale`` and ``origin_m``: reading replaces these by the hull's vertices, ``taken_from`` and ``mesh_volume_m3``.
     """
 
     kind: Literal["ellipsoid", "capsule", "cylinder", "box", "mesh"]
@@ -32,6 +33,9 @@ class ShapeSection:
     half_length_m: float | None = None
     rim_m: float | None = None
     """A cylinder's edges are rounded by this; 0 is sharp."""
+    path: str | None = None
+    scale: float | None = None
+    origin_m: Triple | None = None
     vertices_m: tuple[Triple, ...] | None = None
     taken_from: str | None = None
     """Name of the file that the vertices were read from."""

@@ -10,7 +10,7 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -35,9 +35,22 @@ LARGEST_FILE = 1 << 20
 RANDOM = "random"
 """A goal attitude that is drawn from the problem's seed."""
 
+GOALS = {"rotation", "orientation_wxyz", "translation_m", "contacts_deg", "waypoints"}
+"""Keys of ``[goal]`` that ask for something."""
 LONGEST_COMPLAINT = 160
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a problem comes from: its ``source`` as messages name it, the name it has where it gives none, and the ``folder``
+    from which it names files.
+    """
+
+    source: str
+    default_name: str = ""
+    folder: Path = Path()
 
 
 def parse_file(path: Path, cls: type[P], overrides: Mapping[str, object] = {}) -> P:
@@ -61,23 +74,22 @@ def parse_file(path: Path, cls: type[P], overrides: Mapping[str, object] = {}) -
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ProblemError(source, "", f"cannot be read ({reason})", accepted) from None
-    return parse_text(content, cls, source, path.stem, overrides)
+    return parse_text(content, cls, Origin(source, path.stem, path.parent), overrides)
 
 
-def parse_data(data: Mapping[str, Any], cls: type[P], source: str, default_name: str) -> P:
-    """Return the checked problem that ``data``, the dict of a problem file, describes; ``source`` names it in messages."""
+def parse_data(data: Mapping[str, Any], cls: type[P], origin: Origin) -> P:
+    """Return the checked problem that ``data``, the dict of a problem file, describes."""
     try:
-        return _build(dict(data), cls, source, default_name)
+        return _build(dict(data), cls, origin)
     except RecursionError:
         raise ProblemError(
-            source, "", "is nested too deeply", "accepted: a problem file of format 1"
+            origin.source, "", "is nested too deeply", "accepted: a problem file of format 1"
         ) from None
 
 
-def parse_text(
-    content: bytes, cls: type[P], source: str, default_name: str, overrides: Mapping[str, object] = {}
-) -> P:
+def parse_text(content: bytes, cls: type[P], origin: Origin, overrides: Mapping[str, object] = {}) -> P:
     """Return the problem in the bytes of a file: decode, parse, override, build."""
+    source = origin.source
     try:
         # Some editors begin a file with a byte-order mark.
         data = tomllib.loads(content.decode("utf-8-sig"))
@@ -96,19 +108,20 @@ def parse_text(
         choose_rival(data, overrides)
     for key, value in overrides.items():
         apply_override(data, key, value, source)
-    return parse_data(data, cls, source, default_name)
+    return parse_data(data, cls, origin)
 
 
-def _build(data: dict[str, Any], cls: type[P], source: str, default_name: str) -> P:
+def _build(data: dict[str, Any], cls: type[P], origin: Origin) -> P:
+    source = origin.source
     _check_format(data, source)
     _check_keys(data, cls, "", source)
     _check_plain_values(data, "", source)
     if not data.get("goal"):
         accepted = "accepted: a table [goal] with rotation, orientation_wxyz, translation_m or contacts_deg"
         raise ProblemError(source, "goal", "missing" if "goal" not in data else "says nothing", accepted)
-    data.setdefault("name", as_name(default_name))
+    data.setdefault("name", as_name(origin.default_name))
     _check_goal_says_something(data["goal"], source)
-    resolve_object(data, source)
+    resolve_object(data, source, origin.folder)
     fill_derived(data)
     _draw_orientation(data)
     _flatten_joint_ranges(data, source)
@@ -126,10 +139,8 @@ def _check_format(data: dict[str, Any], source: str) -> None:
 
 
 def _check_goal_says_something(goal: Any, source: str) -> None:
-    if isinstance(goal, dict) and not {"rotation", "orientation_wxyz", "translation_m", "contacts_deg"} & set(
-        goal
-    ):
-        accepted = "accepted: rotation, orientation_wxyz, translation_m or contacts_deg"
+    if isinstance(goal, dict) and not GOALS & set(goal):
+        accepted = "accepted: rotation, orientation_wxyz, translation_m, contacts_deg or waypoints"
         raise ProblemError(source, "goal", "names no goal", accepted)
 
 

@@ -29,6 +29,7 @@ from dexplan.problems.sections import (
     ProblemFields,
     Rotation,
     StartSection,
+    Waypoint,
     WeightsSection,
     compute_contact_directions,
 )
@@ -53,6 +54,7 @@ __all__ = [
     "Rotation",
     "ShapeSection",
     "StartSection",
+    "Waypoint",
     "WeightsSection",
     "compute_contact_directions",
 ]

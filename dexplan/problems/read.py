@@ -13,7 +13,7 @@ from typing import Any
 
 from dexplan.errors import ProblemError, UnknownNameError
 from dexplan.problems.override import set_override
-from dexplan.problems.parse import parse_data, parse_file, parse_text
+from dexplan.problems.parse import Origin, parse_data, parse_file, parse_text
 from dexplan.problems.problem import Problem
 
 __all__ = [
@@ -35,7 +35,8 @@ def load_problem(name_or_path: str | Path, overrides: Mapping[str, object] = {})
     name = str(name_or_path)
     built_in = _built_in_files()
     if name in built_in:
-        return parse_text(built_in[name].read_bytes(), Problem, name, name, overrides)
+        file = built_in[name]
+        return parse_text(file.read_bytes(), Problem, Origin(name, name, Path(str(file)).parent), overrides)
     path = Path(name)
     if path.suffix != ".toml" and len(path.parts) == 1 and not _exists(path):
         raise UnknownNameError("problem", name, [*built_in, "a path to a .toml file"])
@@ -65,7 +66,7 @@ def build_problem(data: Mapping[str, Any], source: str = "problem", default_name
     """Return the checked problem that ``data``, the dict of a problem file, describes; ``source`` names it
     in messages.
     """
-    return parse_data(data, Problem, source, default_name)
+    return parse_data(data, Problem, Origin(source, default_name))
 
 
 def _built_in_files() -> dict[str, Any]:

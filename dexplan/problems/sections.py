@@ -137,6 +137,17 @@ class Rotation:
 
 
 @dataclass(frozen=True)
+class Waypoint:
+    """One of several goals in a row, asked of the object where the one before left it: as the keys of ``[goal]``, at most one of
+    ``rotation`` and ``orientation_wxyz`` (a goal attitude in the world).
+    """
+
+    rotation: Rotation | None = None
+    orientation_wxyz: tuple[float, float, float, float] | None = None
+    translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class GoalSection:
     """The goal; at most one of ``rotation`` and ``orientation_wxyz`` (a goal attitude, shortest way) is
     given.  A file may say ``orientation_wxyz = "random"``: reading draws the numbers from the problem's seed.
@@ -152,6 +163,8 @@ class GoalSection:
     """Which comes first in a dextrous manipulation: the paper's (a), (b), (c)."""
     keep_object: bool = False
     """Grasp adjustment only: whether the object has to be back where it was at the end."""
+    waypoints: tuple[Waypoint, ...] | None = None
+    """Several goals in a row, in the place of ``rotation``, ``orientation_wxyz`` and ``translation_m``; None: one goal."""
 
     __repr__ = brief_repr
 

@@ -6,12 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dexplan.errors import ProblemError
 from dexplan.grasp.wrench import MassProperties
+from dexplan.problems.mesh_shape import KEY, MOST_CORNERS, resolve_mesh
 from dexplan.problems.object_section import ObjectSection, ShapeSection
 from dexplan.problems.rules import describe_accepted, spell, suggest
 from dexplan.scene.shape import Shape
@@ -25,11 +27,8 @@ SHAPE_KEYS = {
     "mesh": ("vertices_m",),
 }
 """Kind of a shape -> the keys that it needs."""
-MORE_KEYS = {"mesh": ("taken_from", "mesh_volume_m3")}
+MORE_KEYS = {"mesh": ("path", "scale", "origin_m", "taken_from", "mesh_volume_m3")}
 """Kind of a shape -> the keys that it may have besides."""
-KEY = "object.shape"
-MOST_CORNERS = 600
-"""A mesh of more vertices costs more in planning and physics than a fingertip can feel."""
 SMALLEST_VOLUME = 1e-9
 """A body of less than a cubic millimetre [m^3] counts as one without volume."""
 
@@ -44,13 +43,20 @@ def choose_rival(data: dict[str, Any], overrides: Mapping[str, object]) -> None:
         for key in overrides
         if key.startswith(KEY) or key == "object.radius_m"
     }
+    shape = thing.get("shape")
+    if isinstance(shape, dict) and f"{KEY}.path" in overrides:
+        read = ("vertices_m", "taken_from", "mesh_volume_m3")
+        thing = {**thing, "shape": {key: value for key, value in shape.items() if key not in read}}
+        data["object"] = thing
     if len(given) == 1:
         rival = "radius_m" if given == {"shape"} else "shape"
         data["object"] = {key: value for key, value in thing.items() if key != rival}
 
 
-def resolve_object(data: dict[str, Any], source: str) -> None:
-    """Refuse keys that do not go together, and write principal moments of inertia as the matrix that they stand for."""
+def resolve_object(data: dict[str, Any], source: str, folder: Path) -> None:
+    """Refuse keys that do not go together, read the mesh file that is named, relative to ``folder``, and write principal moments
+    of inertia as the matrix that they stand for.
+    """
     thing = data.get("object")
     if not isinstance(thing, dict):
         return
@@ -64,14 +70,14 @@ def resolve_object(data: dict[str, Any], source: str) -> None:
                 "accepted: one of the two; radius_m alone is a ball",
             )
         if isinstance(thing["shape"], dict):
-            thing["shape"] = _resolve_shape(thing["shape"], source)
+            thing["shape"] = _resolve_shape(thing["shape"], source, folder)
     moments = thing.get("inertia_kg_m2")
     if isinstance(moments, list | tuple) and len(moments) == 3 and all(_is_number(x) for x in moments):
         thing["inertia_kg_m2"] = np.diag(moments).astype(float).tolist()
     data["object"] = thing
 
 
-def _resolve_shape(shape: Mapping[str, Any], source: str) -> Mapping[str, Any]:
+def _resolve_shape(shape: Mapping[str, Any], source: str, folder: Path) -> Mapping[str, Any]:
     kind = shape.get("kind")
     if "kind" not in shape:
         raise ProblemError(source, f"{KEY}.kind", "missing", describe_accepted(f"{KEY}.kind"))
@@ -82,6 +88,8 @@ def _resolve_shape(shape: Mapping[str, Any], source: str) -> Mapping[str, Any]:
     if kind not in SHAPE_KEYS:
         accepted = suggest(kind, SHAPE_KEYS) if isinstance(kind, str) else describe_accepted(f"{KEY}.kind")
         raise ProblemError(source, f"{KEY}.kind", f"unknown shape {spell(kind)}", accepted)
+    if kind == "mesh" and "path" in shape:
+        shape = resolve_mesh(shape, source, folder)
     if kind == "cylinder":
         shape = {**shape, "rim_m": shape.get("rim_m", 0.0)}
     needed, more = SHAPE_KEYS[kind], MORE_KEYS.get(kind, ())

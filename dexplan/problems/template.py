@@ -27,6 +27,7 @@ _EXAMPLES: dict[str, str] = {
     "object.com_m": "[0.0, 0.0, -0.005]",
     "object.inertia_kg_m2": "[3e-5, 3e-5, 3e-5]",
     "goal.orientation_wxyz": "[0.924, 0.0, 0.0, 0.383]",
+    "goal.waypoints": "[{ translation_m = [0.0, 0.0, 0.01] }, { rotation = { axis = [0.0, 0.0, 1.0], angle_deg = 45.0 } }]",
     "goal.contacts_deg": '[[-38.0, 0.0], [102.0, 0.0], "free"]',
 }
 """Values shown of keys without a default."""
@@ -81,6 +82,7 @@ def _write_table(table: str, section: dict[str, Any]) -> Iterator[str]:
             "orientation_wxyz": None,
             "contacts_deg": None,
             **section,
+            "waypoints": None,
         }
     for name, default in section.items():
         key = f"{table}.{name}"

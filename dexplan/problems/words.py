@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dexplan.problems.object_section import ObjectSection
-from dexplan.problems.sections import ContactPoint, ContactSpec, GoalSection, ProblemFields
+from dexplan.problems.sections import ContactPoint, ContactSpec, GoalSection, ProblemFields, Waypoint
 from dexplan.problems.shapes import build_shape
 from dexplan.sim.judge.limits import find_loose_limits
 
@@ -68,7 +68,7 @@ def describe_shape(thing: ObjectSection) -> str:
         case "ellipsoid":
             return f"an ellipsoid of semi-axes {_as_mm(*shape.semi_axes_m or ())} mm"
         case "box":
-            return f"a box of {_as_mm(*(2.0 * x for x in shape.half_sizes_m or ()))} mm"
+            return f"a box of {_as_mm(*(2.0 * x for x in shape.half_sizes_m or ())).replace(', ', ' x ')} mm"
         case "capsule":
             return f"a capsule of radius {_as_mm(shape.radius_m)} and half length {_as_mm(shape.half_length_m)} mm"
         case "cylinder":
@@ -78,9 +78,8 @@ def describe_shape(thing: ObjectSection) -> str:
     name = f" of {shape.taken_from}" if shape.taken_from else ""
     words = f"the convex hull{name} of {len(shape.vertices_m or ())} points, within {1e3 * body.bound:.3g} mm"
     if shape.mesh_volume_m3:
-        words += (
-            f", {100.0 * (body.solid.volume / shape.mesh_volume_m3 - 1.0):.2g} % more volume than the mesh"
-        )
+        more = 100.0 * (body.solid.volume / shape.mesh_volume_m3 - 1.0)
+        words += f", {more:.2g} % more volume than the mesh" if more >= 0.05 else ", which is the mesh itself"
     return words
 
 
@@ -98,6 +97,21 @@ def _as_mm(*lengths: float | None) -> str:
 
 
 def _describe_goal(goal: GoalSection) -> str:
+    if goal.waypoints is not None:
+        ways = "; then ".join(
+            " and ".join(_describe_motion(one)) or "hold the object" for one in goal.waypoints
+        )
+        return f"{ways} ({goal.kind.replace('_', ' ')})"
+    parts = _describe_motion(goal)
+    if goal.contacts_deg is not None:
+        parts.append("touch the object elsewhere")
+    words = " and ".join(parts) or "keep the object where it is"
+    if goal.kind == "dextrous_manipulation":
+        words += f", {goal.order.replace('_', ' ')}"
+    return f"{words} ({goal.kind.replace('_', ' ')})"
+
+
+def _describe_motion(goal: GoalSection | Waypoint) -> list[str]:
     parts = []
     if goal.rotation is not None:
         axis = ", ".join(f"{x:g}" for x in goal.rotation.axis)
@@ -110,12 +124,7 @@ def _describe_goal(goal: GoalSection) -> str:
     if any(goal.translation_m):
         shift = ", ".join(f"{1e3 * x:g}" for x in goal.translation_m)
         parts.append(f"shift the object by ({shift}) mm in the world")
-    if goal.contacts_deg is not None:
-        parts.append("touch the object elsewhere")
-    words = " and ".join(parts) or "keep the object where it is"
-    if goal.kind == "dextrous_manipulation":
-        words += f", {goal.order.replace('_', ' ')}"
-    return f"{words} ({goal.kind.replace('_', ' ')})"
+    return parts
 
 
 def _describe_contacts(contacts: Sequence[ContactSpec]) -> str:

@@ -5,9 +5,11 @@
 ``scene``          ``Scene``: the compiled model and where everything in it is
 ``description``    the same as values without MuJoCo: hand, object, obstacles.  What planning sees.
 ``shape``          ``Shape``: which body the object is, as a plain value
+``mesh_file``      ``read_mesh``: an OBJ or STL file as triangles
 ``probe``          ``HandProbe``: what is nearest, and torques; MuJoCo's answers to planning's questions
 ``penetration``    how deep a squeeze presses a tip into an object at rest
 ``touch``          which contacts MuJoCo reports, as contacts of fingers
+``object_parts``   ``read_object``: body and mass of a compiled model's object
 ``finger_models``  ``FINGER_MODELS``: the kinds of finger a hand can have
 =================  =====================================================================================
 
@@ -17,4 +19,15 @@
 (3, 0.12)
 """
 
-__all__ = ["description", "finger_models", "library", "penetration", "probe", "scene", "shape", "touch"]
+__all__ = [
+    "description",
+    "finger_models",
+    "library",
+    "mesh_file",
+    "object_parts",
+    "penetration",
+    "probe",
+    "scene",
+    "shape",
+    "touch",
+]

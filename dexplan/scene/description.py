@@ -75,7 +75,9 @@ class SceneParameters:
 
 @dataclass(frozen=True, eq=False)
 class ContactCone:
-    """Part of the object's surface that contacts may use: normals within ``half_angle`` [rad] of the unit ``axis_O`` (3,)."""
+    """Part of the object's surface that contacts may use: directions from the object's origin within ``half_angle`` [rad] of the
+    unit ``axis_O`` (3,).
+    """
 
     axis_O: Array
     half_angle: float
@@ -85,9 +87,9 @@ class ContactCone:
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis_O", read_only(self.axis_O / np.linalg.norm(self.axis_O)))
 
-    def contains(self, n_O: Array) -> NDArray[np.bool_]:
-        """Return whether contacts with the outward normals ``n_O`` (..., 3) in object axes lie in the cone (...)."""
-        return np.asarray(n_O @ self.axis_O >= np.cos(self.half_angle))
+    def contains(self, direction_O: Array) -> NDArray[np.bool_]:
+        """Return whether contacts at unit ``direction_O`` (..., 3) from the origin, in object axes, lie in the cone (...)."""
+        return np.asarray(direction_O @ self.axis_O >= np.cos(self.half_angle))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +129,12 @@ class ObjectDescription:
             )
         return Sphere(self.body.radius)
 
-    def allows(self, n_O: Array) -> NDArray[np.bool_]:
-        """Return whether contacts with the outward normals ``n_O`` (..., 3) in object axes may be made (...)."""
-        allowed = np.full(np.shape(n_O)[:-1], not self.allowed_regions)
+    def allows(self, direction_O: Array) -> NDArray[np.bool_]:
+        """Return whether contacts at unit ``direction_O`` (..., 3) from the origin, in object axes, may be made (...).
+
+        On a ball these are the outward normals.
+        """
+        allowed = np.full(np.shape(direction_O)[:-1], not self.allowed_regions)
         for cone in self.allowed_regions:
-            allowed |= cone.contains(n_O)
+            allowed |= cone.contains(direction_O)
         return allowed

@@ -61,6 +61,23 @@ class Shape:
         """Return the ball of ``radius`` [m]."""
         return cls("sphere", (radius,))
 
+    @property
+    def curvature(self) -> float:
+        """The greatest mean curvature of what is round [1/m], which bounds contact patches; 0 for a ball, whose friction is
+        bounded by the tip alone, and for bodies of faces.
+        """
+        match self.kind:
+            case "ellipsoid":
+                # At the end of the longest axis c both are greatest: c / a^2 and c / b^2.
+                a, b, c = sorted(self.sizes)
+                return 0.5 * (c / a**2 + c / b**2)
+            case "capsule":
+                return 1.0 / self.sizes[0]
+            case "cylinder":
+                radius, _, rim = self.sizes
+                return 0.5 * (1.0 / radius + (1.0 / rim if rim > 0.0 else 0.0))
+        return 0.0
+
     def as_body(self) -> ConvexBody:
         """Return the body."""
         match self.kind:

@@ -109,6 +109,10 @@ _WORDS: dict[str, tuple[str, str]] = {
         "contacts outside allowed regions",
         "How far any contact lies outside the parts of the object that may be touched.",
     ),
+    "edge_distance_min": (
+        "contacts from sharp edges",
+        "How near any contact comes to a sharp edge of the object, where it would soon leave its face.",
+    ),
     "finger_order_kept": (
         "finger order kept",
         "Samples in which the fingers' order around the object differs from that of their bases.",

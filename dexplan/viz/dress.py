@@ -60,6 +60,8 @@ PARTS = (
 )
 """Each finger reaches the middle of the hand with its third of the palm.  What lies along a collision geom is a little thicker,
 for surfaces in one place flicker."""
+WRIST = "link_6"
+"""Only a finger with this body is the one that the parts belong to."""
 ONCE = frozenset({"hub_seen"})
 """Parts of which one finger has enough for all."""
 
@@ -74,6 +76,9 @@ def dress_model(xml: str, fingers: tuple[str, ...]) -> mujoco.MjModel:
     body = find_body(xml)
     coat = _add_coat(spec, body)
     for k, finger in enumerate(fingers):
+        if spec.body(f"{finger}/{WRIST}") is None:
+            _color_rubber(spec, finger, as_rgb(get_finger_color(k)))
+            continue
         _add_ghost(spec, finger, as_rgb(get_finger_color(k)))
         _add_parts(spec, finger, [part for part in PARTS if k == 0 or part.name not in ONCE])
     skins = [_add_skin(spec, finger) for finger in fingers]
@@ -144,6 +149,13 @@ def _add_ghost(spec: mujoco.MjSpec, finger: str, color: Array) -> None:
     geom.pos, geom.size = tip.pos, [GHOST_SHARE * tip.size[0], 0.0, 0.0]
     geom.rgba = [*color, GHOST]
     _make_unreal(geom)
+
+
+def _color_rubber(spec: mujoco.MjSpec, finger: str, color: Array) -> None:
+    """Give the rubber of another kind of finger the colour of the finger."""
+    rubber = spec.material(f"{finger}/rubber")
+    if rubber is not None:
+        rubber.rgba = [*color, 1.0]
 
 
 def _make_unreal(geom: mujoco.MjsGeom) -> None:

@@ -118,7 +118,8 @@ def draw_refusal(
 
 def _draw_on_body(hand: HandModel, stages: list[_Stage], heading: float) -> Figure:
     """Return the figure of where fingers land on a body, and of the pairs of contacts asked for."""
-    last = stages[-1]
+    # The last pose at which contacts were asked for: a problem may name those of its start alone.
+    last = next((stage for stage in reversed(stages) if stage.asked is not None), stages[-1])
     sections = [] if last.asked is None else find_site_sections(hand, last.asked)
     top = MAP_HEIGHT * len(stages) + (SECTION_HEIGHT if sections else 0.0)
     height = heading + top

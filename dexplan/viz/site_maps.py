@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dexplan.contact.bodies.names import name_body, name_flats
+from dexplan.contact.bodies.sites import EDGE_BAND
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.contacts.still import EDGE_BAND
 from dexplan.spatial import Array, angles_from_direction
 from dexplan.viz.body_view import draw_body, draw_dots, look_from
 from dexplan.viz.canvas import write_picture

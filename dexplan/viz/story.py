@@ -159,7 +159,7 @@ def describe_phases(plan: Plan, action: Action, body: ConvexBody | None = None) 
         case Relocate():
             own, texts = speak(plan.fingers[action.finger]), PLACING if action.is_placing else LIFTING
             heads = [texts.get(p.name, f"{{}}: {p.name}").format(own) for p in action.phases]
-            heads = [f"{head}{_name_face(action, body)}" for head in heads]
+            heads = [f"{head}{name_face(action, body)}" for head in heads]
         case MoveObject():
             heads = [f"{holders} {describe_motion(action.motion, is_many)}"] * len(action.phases)
             if action.rolls:
@@ -178,9 +178,11 @@ def describe_phases(plan: Plan, action: Action, body: ConvexBody | None = None) 
     return tuple(heads)
 
 
-def _name_face(action: Relocate, body: ConvexBody | None) -> str:
+def name_face(action: Action, body: ConvexBody | None) -> str:
     """Return on which face of a body a finger is placed; nothing where the body has no letters or the finger is lifted."""
-    placement = action.contacts_end[action.finger] if action.is_placing else None
+    if not isinstance(action, Relocate) or not action.is_placing:
+        return ""
+    placement = action.contacts_end[action.finger]
     letter = "" if body is None or placement is None else name_place(body, placement.point_O)
     return f" on face {letter}" if letter else ""
 

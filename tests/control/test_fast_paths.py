@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from dexplan.contact.surfaces.shapes import Sphere
+from dexplan.contact.bodies.body import ConvexBody
+from dexplan.contact.bodies.edged import BoxBody
+from dexplan.contact.bodies.smooth import BallBody, EllipsoidBody
 from dexplan.control.ahead import AHEAD, ObjectAhead
 from dexplan.control.follow import DAMPING, PostureFollower
 from dexplan.control.grasp_maps import map_grasp
@@ -82,15 +84,19 @@ def test_frames_of_a_few_are_those_of_each() -> None:
         np.testing.assert_allclose(frame, build_frame(z / np.linalg.norm(z)), atol=1e-15)
 
 
-def test_maps_of_a_grasp_are_those_of_its_contacts() -> None:
-    rng, sphere = np.random.default_rng(3), Sphere(0.035)
+@pytest.mark.parametrize(
+    "body", [BallBody(0.035), EllipsoidBody(0.02, 0.03, 0.05), BoxBody(0.01, 0.03, 0.02)], ids=type
+)
+def test_maps_of_a_grasp_are_those_of_its_contacts(body: ConvexBody) -> None:
+    rng = np.random.default_rng(3)
     centers, p_OF = rng.normal(size=(2, 3, 3))
     jacobians, forces, X_WO = rng.normal(size=(3, 2, 3, 6)), rng.normal(size=(3, 4)), draw_pose(rng)
-    maps = map_grasp(sphere, centers, p_OF, jacobians)
+    maps = map_grasp(body, centers, p_OF, jacobians)
     pushes, points = maps.place_pushes(forces, X_WO)
     for k in range(3):
-        p_OC = sphere.radial(centers[k])
-        columns, torques = map_contact(jacobians[k].reshape(6, 6), p_OC, p_OC - p_OF[k])
+        touched = body.project(centers[k])
+        p_OC, n_O = touched.point, touched.normal
+        columns, torques = map_contact(jacobians[k].reshape(6, 6), p_OC, p_OC - p_OF[k], n_O)
         np.testing.assert_allclose(maps.G[:, 4 * k : 4 * k + 4], columns, atol=1e-14)
         np.testing.assert_allclose(maps.torques[k], torques, atol=1e-14)
         R_WC = X_WO[:3, :3] @ columns[:3, :3]

@@ -343,6 +343,11 @@ FAILURES: list[tuple[str, str, Callable[[], Case]]] = [
         "elsewhere",
         lambda: with_problem(object={"allowed_regions": [{"axis": [0.0, 0.0, 1.0], "half_angle_deg": 80.0}]}),
     ),
+    (
+        "edge_distance_min",
+        "beside an edge",
+        lambda: with_problem(object={"shape": {"kind": "box", "half_sizes_m": [RADIUS, 0.0025, 0.03]}}),
+    ),
     ("rolling_error_max", "turns on the spot", lambda: with_replay(tip_rotation=spun_tip())),
     ("penetration_max", "deep", lambda: with_replay(penetration=held().replay.penetration + 2e-4)),
     (
@@ -387,7 +392,8 @@ def test_held_ball_passes_every_check() -> None:
         goal={"contacts_deg": [[a, 0.0] for a in AZIMUTHS]}, object={"allowed_regions": everywhere}
     )
     results = run_checks(replace(held(), problem=problem))
-    assert [r for r in results if r.status != "pass"] == []
+    # A ball has no edges.
+    assert [r.name for r in results if r.status != "pass"] == ["edge_distance_min"]
     assert [r.name for r in results] == NAMES
 
 
@@ -404,7 +410,8 @@ def test_every_check_has_a_failure() -> None:
 def test_not_applicable_comes_from_the_problem() -> None:
     case = with_problem(goal={"rotation": None, "orientation_wxyz": HOME[3:], "contacts_deg": None})
     idle = {r.name for r in run_checks(case) if r.status == "not_applicable"}
-    assert idle == {"turned_angle", "contact_error_final", "contact_region_error_max"} <= set(NOT_APPLICABLE)
+    goal = {"turned_angle", "contact_error_final"}
+    assert idle == {*goal, "contact_region_error_max", "edge_distance_min"} <= set(NOT_APPLICABLE)
 
 
 @pytest.mark.parametrize("samples", [1, 2, 7])

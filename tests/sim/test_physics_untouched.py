@@ -148,7 +148,7 @@ CHEATS: dict[str, tuple[Callable[[mujoco.MjSpec], None], str]] = {
         "contype of geom finger_1/link_4",
     ),
     "lighter": (assign(ball, mass=0.03), "object mass"),
-    "smaller": (assign(ball, size=[0.034]), "radius of object/surface"),
+    "smaller": (assign(ball, size=[0.034]), "size of object/surface"),
     "bigger tip": (assign(lambda s: s.geom("finger_3/tip"), size=[0.02]), "radius of finger_3/tip"),
     "inertia": (
         assign(

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from turning_run import make_trace
 
-from dexplan.scene.library import load_scene
+from dexplan.scene.description import SceneParameters
+from dexplan.scene.library import load_scene, load_scene_with
 from dexplan.spatial import Array, direction_from_angles
 from dexplan.viz.dress import dress_model
+from dexplan.viz.palette import as_rgb, get_finger_color
 from dexplan.viz.skins import IVORY, STRIPE, build_cube_directions, paint_object, paint_tip
 
 FINGERS = ("finger_1", "finger_2", "finger_3")
@@ -128,3 +130,13 @@ def test_texels_of_a_tip_lie_where_its_pole_says(dressed: mujoco.MjModel) -> Non
     start = int(texture.adr[0])
     pixels = dressed.tex_data[start : start + 18 * side * side].reshape(6, side, side, 3).astype(float)
     assert (pixels.min(axis=-1) > 240).mean() > 0.01
+
+
+def test_another_kind_of_finger_gets_no_parts_of_this_one() -> None:
+    """A hand of TriFinger's fingers is drawn as it is, each tip in the colour of its finger."""
+    xml = load_scene_with(SceneParameters(finger="trifinger", tip_radii=(0.01,) * 3)).xml
+    seen = dress_model(xml, FINGERS)
+    assert not any(seen.geom(g).name.endswith("_seen") for g in range(seen.ngeom))
+    for k, finger in enumerate(FINGERS):
+        material = seen.mat(int(seen.geom(f"{finger}/tip").matid[0]))
+        assert np.allclose(material.rgba[:3], as_rgb(get_finger_color(k)), atol=1e-6)

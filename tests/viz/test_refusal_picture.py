@@ -139,3 +139,12 @@ def test_a_refusal_about_a_box_is_drawn_on_the_box(hand: HandModel, tmp_path: Pa
     assert sum(words.startswith("finger ") and words.endswith("of the box") for words in said) == 3
     assert any(words.startswith("✗ fingers 1 and 2: the line leans") for words in said)
     assert {"A", "C"} <= set(said)
+
+
+def test_contacts_asked_for_at_the_start_alone_are_looked_at(
+    hand: HandModel, tmp_path: Path, said: list[str]
+) -> None:
+    asked = (np.array([0.03, 0.0, 0.0]), np.array([0.0, 0.026, 0.0]), None)
+    draw_refusal(_box_hand(hand), _refuse(hand, Status.NO_GAIT), asked, None, tmp_path / "refusal.png")
+    assert {"at the start", "at the goal"} <= set(said)
+    assert any("contacts asked for, at the start" in words for words in said)

@@ -16,9 +16,12 @@ from dexplan.spatial import Array, lock_arrays, read_only
 
 _CHUNK = 200_000
 """Pairs of a point and a triangle that are looked at together: bounds the memory of a projection."""
-_COPLANAR = 1e-5
-"""Planes whose normals and offsets (in units of the body's size) differ by less are one face; MuJoCo keeps meshes in
-single precision."""
+_COPLANAR = 1e-6
+"""Triangles whose corners are nearer to a plane than this, in units of the body's size, are one face: MuJoCo keeps meshes in
+single precision.
+"""
+_PARALLEL = 1e-5
+"""Planes of an angle whose squared sine is less have no edge between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,16 +80,19 @@ class PolyhedronBody(ConvexBody):
     def _faces(self) -> tuple[Array, NDArray[np.intp]]:
         """Planes (F, 4) and, for each triangle (T,), the number of its face."""
         equations = self._qhull.equations * [1.0, 1.0, 1.0, -1.0]
-        scale = equations / [1.0, 1.0, 1.0, self.bound]
-        planes: list[Array] = []
-        of_triangle = np.empty(len(scale), dtype=np.intp)
-        for k, row in enumerate(scale):
-            same = [f for f, other in enumerate(planes) if np.abs(row - other).max() < _COPLANAR]
-            of_triangle[k] = same[0] if same else len(planes)
-            if not same:
-                planes.append(row)
-        found = np.array(planes) * [1.0, 1.0, 1.0, self.bound]
-        return read_only(found), of_triangle
+        corners = self.triangles
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        leader = np.full(len(equations), -1)
+        # The largest triangle of a face has the best plane; slivers have almost none of their own.
+        for k in np.argsort(-area, kind="stable"):
+            if leader[k] < 0:
+                off = np.abs(corners @ equations[k, :3] - equations[k, 3]).max(axis=1)
+                same = (off < _COPLANAR * self.bound) & (equations[:, :3] @ equations[k, :3] > 0.0)
+                leader[same & (leader < 0)] = k
+        leaders, first, of_triangle = np.unique(leader, return_index=True, return_inverse=True)
+        # Faces are numbered as their triangles come.
+        order = np.argsort(first)
+        return read_only(equations[leaders[order]]), np.argsort(order)[of_triangle.reshape(-1)]
 
     @cached_property
     def bound(self) -> float:
@@ -152,7 +158,7 @@ class PolyhedronBody(ConvexBody):
         """Return the point (3,) of face ``f`` that is farthest from its edges: the linear program of the Chebyshev centre."""
         normals, offsets = self.planes[:, :3], self.planes[:, 3]
         shares = np.sqrt(np.maximum(1.0 - (normals @ normals[f]) ** 2, 0.0))
-        others = shares > _COPLANAR**0.5
+        others = shares > _PARALLEL**0.5
         found = linprog(
             [0.0, 0.0, 0.0, -1.0],
             A_ub=np.column_stack([normals, shares])[others],
@@ -185,7 +191,7 @@ class PolyhedronBody(ConvexBody):
         # In the plane of its face a point is so far from the line in which another face's plane cuts it.
         with np.errstate(divide="ignore", invalid="ignore"):
             away = -signed / np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
-        away[(cosine**2 > 1.0 - _COPLANAR)] = np.inf
+        away[(cosine**2 > 1.0 - _PARALLEL)] = np.inf
         return np.asarray(away.min(axis=1).clip(0.0).reshape(points.shape[:-1]))
 
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from dexplan.contact.bodies.body import ConvexBody
-from dexplan.contact.bodies.sites import Sites, build_sites
+from dexplan.contact.bodies.sites import EDGE_BAND, Sites, build_sites
 from dexplan.contact.bodies.smooth import BallBody
 from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.kinematics.arcs import build_travel, compute_hover
@@ -42,8 +42,6 @@ DIRECTIONS = 240
 """Directions around a ball at which intermediate landings are tried."""
 SPACING = 0.14
 """Distance of sites on other bodies, in lengths of the cube of their volume: about as many as directions around a ball."""
-EDGE_BAND = 4e-3
-"""Contacts keep so far from sharp edges [m]: a fixed contact wanders less than a tenth of that over its face."""
 DETOURS = 4
 """So many detours are looked for in vain around one pose of the object."""
 
@@ -188,7 +186,9 @@ class StillContacts:
         if finger not in self._landings:
             sites = list_sites(self.hand.object.body)
             home = self.hand.p_WF_home[finger] - self.X_WO[:3, 3]
-            rows = self.hand.object.allows(sites.normals) & (sites.normals @ self.X_WO[:3, :3].T @ home > 0.0)
+            # Regions are of directions from the object's origin; only on a ball these are the normals.
+            from_origin = sites.points / np.linalg.norm(sites.points, axis=1, keepdims=True)
+            rows = self.hand.object.allows(from_origin) & (sites.normals @ self.X_WO[:3, :3].T @ home > 0.0)
             found = build_landings(self.hand, self.X_WO, finger, sites.normals[rows], sites.points[rows])
             landed = center_spins(self.hand, [p for p in found if p is not None], self.ahead)
             self._landings[finger] = self.add_all(landed)

@@ -80,8 +80,8 @@ def is_force_closed(points: Array, normals: Array, sliding: float, torsional: fl
 def compute_load_margin(
     points: Array, normals: Array, load: Array, sliding: float, torsional: float, squeeze: float
 ) -> float:
-    """Return 1 - u, u the smallest friction utilisation that balances the force ``load`` (3,) [N] on the
-    object's centre.
+    """Return 1 - u, u the smallest friction utilisation that balances the force ``load`` (3,) [N] at the
+    origin, the centre of mass, from which ``points`` are measured.
 
     Normal forces lie between 0 and ``squeeze`` [N].  Found by bisection over u; each linear program bounds
     the round cones from outside and is cut where its answer leaves them, so the result is exact to 0.001.

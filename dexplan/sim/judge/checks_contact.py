@@ -22,6 +22,7 @@ from dexplan.sim.judge.checks_case import (
     judge_worst,
     widen,
 )
+from dexplan.sim.judge.object_shape import measure_edge_distance
 from dexplan.sim.judge.replay import OBSTACLE_KINDS
 from dexplan.spatial import Array
 
@@ -99,6 +100,17 @@ def check_contact_region(case: Case) -> CheckResult:
         outside = np.minimum(outside, np.maximum(0.0, angle - cone["half_angle_deg"]))
     outside = np.where(case.replay.contact_active, outside, 0.0)
     return judge_worst(name, Series(outside, case.replay.time, case.replay.world.fingers), limit, "deg")
+
+
+def check_edge_distance(case: Case) -> CheckResult:
+    """Distance of contacts from the object's sharp edges, at every sample: beside one a contact soon leaves its face."""
+    name, limit, replay = "edge_distance_min", case.limit("edge_distance_min_mm"), case.replay
+    active = replay.contact_active
+    distance = np.full(active.shape, np.inf)
+    if active.any():
+        distance[active] = measure_edge_distance(case.problem["object"], replay.contact_point_O[active]) * MM
+    fingers = replay.world.fingers
+    return judge_worst(name, Series(distance, replay.time, fingers), limit, "mm", at_least=True)
 
 
 def check_object_support_other(case: Case) -> CheckResult:

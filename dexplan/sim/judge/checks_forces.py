@@ -149,6 +149,8 @@ def check_plan_load_margin(case: Case) -> CheckResult:
         case.limit("plan_load_margin_min"),
     )
     weight = float(case.problem["object"]["mass_kg"]) * GRAVITY
+    world = case.replay.world
+    com = world.model.body_ipos[world.object_body]
     done: dict[bytes, float] = {}
 
     def margin(points: Array, normals: Array, poses: Array) -> float:
@@ -158,7 +160,7 @@ def check_plan_load_margin(case: Case) -> CheckResult:
             # A turn about the vertical leaves the load as it was: solve each load of each grasp once.
             key = np.concatenate([points.ravel(), normals.ravel(), load]).round(9).tobytes()
             if key not in done:
-                done[key] = compute_load_margin(points, normals, load, *believed, squeeze)
+                done[key] = compute_load_margin(points - com, normals, load, *believed, squeeze)
             values.append(done[key])
         return min(values)
 

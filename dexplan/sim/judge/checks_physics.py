@@ -15,6 +15,7 @@ import numpy as np
 
 from dexplan.sim.judge.checks_case import Case, CheckResult, judge
 from dexplan.sim.judge.checks_hand import find_departures_from_scene
+from dexplan.sim.judge.object_shape import find_departures_of_object
 from dexplan.sim.judge.world import World
 from dexplan.spatial import GRAVITY, Array
 
@@ -124,16 +125,9 @@ def _find_in_options(world: World, problem: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _find_in_bodies(world: World, problem: Mapping[str, Any]) -> Iterator[str]:
-    """The object is one free homogeneous solid sphere; nobody floats; fingers hang from the world."""
-    model = world.model
-    mass, radius = float(problem["object"]["mass_kg"]), float(problem["object"]["radius_m"])
-    body = world.object_body
-    if _differs(model.body_mass[body], mass):
-        yield _say("object mass", model.body_mass[body], mass)
-    if _differs(model.body_inertia[body], np.full(3, 0.4 * mass * radius**2)):
-        yield _say("object inertia", model.body_inertia[body], np.full(3, 0.4 * mass * radius**2))
-    if np.any(model.body_ipos[body]) or np.any(model.geom_pos[world.object_geom]):
-        yield "the object's centre of mass is not its centre"
+    """The object is one free body, of the problem's shape and mass; nobody floats; fingers hang from the world."""
+    model, body = world.model, world.object_body
+    yield from find_departures_of_object(model, world.object_geom, problem["object"])
     if model.body_geomnum[body] != 1:
         yield _say("number of geoms on the object", model.body_geomnum[body], 1)
     if model.body_parentid[body] != 0 or np.any(model.body_parentid[1:] == body):
@@ -180,8 +174,7 @@ def _find_in_geoms(world: World, problem: Mapping[str, Any]) -> Iterator[str]:
                 yield _say(f"{key} of geom {name}", value, wanted)
         if world.geom_finger[g] < 0 and g != world.object_geom and name != "floor" and name not in obstacles:
             yield f"geom {name} is not in the problem"
-    radii = [("object/surface", float(problem["object"]["radius_m"]))]
-    radii += [
+    radii = [
         (f"{f}/tip", float(r)) for f, r in zip(world.fingers, problem["hand"]["tip_radii_m"], strict=False)
     ]
     for name, radius in radii:

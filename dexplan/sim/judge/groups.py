@@ -36,6 +36,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "contacts": (
             "contact_schedule",
             "contact_region_error_max",
+            "edge_distance_min",
             "finger_order_kept",
             "friction_utilisation_max",
             "coulomb_slip_max",

@@ -33,6 +33,7 @@ from dexplan.sim.judge.groups import (
     resolve_groups,
 )
 from dexplan.sim.judge.limits import find_loose_limits, load_default_limits, resolve_limits
+from dexplan.sim.judge.object_shape import has_edges
 from dexplan.sim.judge.recipe import check_times, read_recipe
 from dexplan.sim.judge.replay import replay
 from dexplan.sim.judge.report import ValidationReport
@@ -69,6 +70,7 @@ CHECKS: tuple[tuple[str, Callable[[Case], CheckResult]], ...] = (
     ("contact_error_final", checks.check_contact_error_final),
     ("contact_schedule", checks_contact.check_contact_schedule),
     ("contact_region_error_max", checks_contact.check_contact_region),
+    ("edge_distance_min", checks_contact.check_edge_distance),
     ("finger_order_kept", checks_contact.check_finger_order_kept),
     ("plan_force_closure", checks_forces.check_plan_force_closure),
     ("plan_load_margin", checks_forces.check_plan_load_margin),
@@ -101,6 +103,10 @@ NOT_APPLICABLE: Mapping[str, tuple[Callable[[Mapping[str, Any]], bool], str]] = 
     "contact_region_error_max": (
         lambda problem: not problem["object"].get("allowed_regions"),
         "contacts are allowed everywhere",
+    ),
+    "edge_distance_min": (
+        lambda problem: not has_edges(problem["object"]),
+        "the object has no sharp edge",
     ),
     "rolling_error_max": (lambda problem: "radius_m" not in problem["object"], "the object is no sphere"),
     "position_error_final": (
