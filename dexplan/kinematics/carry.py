@@ -29,6 +29,7 @@ from dexplan.kinematics.chain import (
     Chain,
     compute_joint_margin,
     compute_tip_jacobian,
+    compute_tip_motion,
     compute_tip_pose,
     solve_ik,
     wrap_near,
@@ -120,7 +121,9 @@ def carry_fixed(carrier: Carrier, body: ConvexBody, q: Array, X_WO: Array) -> Ca
     return _judge(carrier, body, X_WO, rows, np.array(reached))
 
 
-def carry_rolling(carrier: Carrier, body: ConvexBody, q: Array, X_WO: Array) -> Carried:
+def carry_rolling(
+    carrier: Carrier, body: ConvexBody, q: Array, X_WO: Array, *, step: float = STEP
+) -> Carried:
     """Carry contacts that roll on the body without sliding, along poses of the object; any number of joints from three on.
 
     Between two poses the object is taken to turn about a fixed axis while its origin moves in a straight line.  What a carry
@@ -131,6 +134,7 @@ def carry_rolling(carrier: Carrier, body: ConvexBody, q: Array, X_WO: Array) -> 
         body: the object's body.
         q: postures (N, J) [rad] that touch it at the first pose.
         X_WO: the object's poses (K, 4, 4).
+        step: longest turn of the object [rad] in one step of the integration; a shift counts as in ``STRIDE`` per ``STEP``.
 
     Raises ValueError for a finger with fewer than three joints, which cannot follow a point.
     """
@@ -144,7 +148,8 @@ def carry_rolling(carrier: Carrier, body: ConvexBody, q: Array, X_WO: Array) -> 
     for before, after in pairwise(X_WO):
         turn = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).as_rotvec()
         shift = after[:3, 3] - before[:3, 3]
-        count = max(1, int(np.ceil(max(np.linalg.norm(turn) / STEP, np.linalg.norm(shift) / STRIDE))))
+        steps = max(np.linalg.norm(turn) / step, np.linalg.norm(shift) / (STRIDE * step / STEP))
+        count = max(1, int(np.ceil(steps)))
         for k in range(count):
             poses = [_move(before, turn, shift, share / count) for share in (k, k + 0.5, k + 1.0)]
             here = _roll(carrier, body, here, (turn / count, shift / count), poses)
@@ -199,10 +204,10 @@ def _roll(
     q = here.q + there.dq
     # What rounding and curvature leave of the distance is taken out along the normal.
     for _ in range(2):
-        X_OF = np.linalg.inv(poses[2]) @ compute_tip_pose(carrier.chain, q)
-        found = body.project(X_OF[:, :3, 3])
-        n_W = found.normal @ poses[2][:3, :3].T
-        row = np.einsum("ni,nij->nj", n_W, compute_tip_jacobian(carrier.chain, q)[:, :3])
+        X_WF, J = compute_tip_motion(carrier.chain, q)
+        R_WO, p_WO = poses[2][:3, :3], poses[2][:3, 3]
+        found = body.project((X_WF[:, :3, 3] - p_WO) @ R_WO)
+        row = np.einsum("ni,nij->nj", found.normal @ R_WO.T, J[:, :3])
         gap = found.distance - carrier.tip_radius
         q = q - gap[:, None] * row / np.maximum(np.sum(row**2, axis=1, keepdims=True), 1e-12)
     return _touch(carrier, body, q, poses[2], here.pivot + there.pivot)
@@ -222,8 +227,7 @@ class _Step:
 def _rate(carrier: Carrier, body: ConvexBody, q: Array, X_WO: Array, step: tuple[Array, Array]) -> _Step:
     """Return how the joints follow a small step of the object without sliding."""
     turn, shift = step
-    J = compute_tip_jacobian(carrier.chain, q)
-    X_WF = compute_tip_pose(carrier.chain, q)
+    X_WF, J = compute_tip_motion(carrier.chain, q)
     R_WO, p_WO = X_WO[:3, :3], X_WO[:3, 3]
     n = body.project((X_WF[:, :3, 3] - p_WO) @ R_WO).normal @ R_WO.T
     contact = X_WF[:, :3, 3] - carrier.tip_radius * n

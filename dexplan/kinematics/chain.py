@@ -118,6 +118,14 @@ def compute_tip_jacobian(chain: Chain, q: ArrayLike) -> Array:
     return J.reshape(*q.shape[:-1], 6, chain.n_joints)
 
 
+def compute_tip_motion(chain: Chain, q: Array) -> tuple[Array, Array]:
+    """Return X_WF (N, 4, 4) and the tip Jacobians (N, 6, J) at ``q`` (N, J), in the time of one of them."""
+    R, p, axes, origins = _walk(chain, q)
+    X = np.zeros((len(p), 4, 4))
+    X[:, :3, :3], X[:, :3, 3], X[:, 3, 3] = R, p, 1.0
+    return X, _jacobian(p, axes, origins)
+
+
 def _jacobian(p: Array, axes: Array, origins: Array) -> Array:
     linear = np.cross(axes, p[:, None, :] - origins)
     return np.concatenate([linear, axes], axis=-1).swapaxes(-1, -2)

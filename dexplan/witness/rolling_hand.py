@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ from dexplan.scene.scene import Scene
 from dexplan.sim.judge.replay import replay
 from dexplan.sim.record.rollout import rollout_driver
 from dexplan.sim.trace import Trace
-from dexplan.spatial import Array, direction_from_angles
+from dexplan.spatial import VERTICAL, Array, direction_from_angles
 
 SAFETY = 1.3
 """The believed friction is the true one over this."""
@@ -47,6 +47,8 @@ POLAR_LIMIT = float(np.radians(100.0))
 """Largest angle of a contact from the tip's pole: the tip is a sphere up to 120 degrees [rad]."""
 START_AZIMUTHS, START_ELEVATION = (135.0, 347.0, 187.0), 3.0
 """Where the fingers hold at the start [deg]: the second and the third opposite enough to hold alone, the first used up."""
+RING = (100.0, -20.0, -140.0)
+"""Where fingers hold for single motions [deg]: evenly around the object."""
 BUDGET = 400
 """Nodes that a search may open."""
 AT_LIMIT = 0.95
@@ -63,7 +65,7 @@ class RollingRun:
     share of samples in which a joint gives 95 % of its limit or more; ``replay_difference`` the largest in qpos.
     """
 
-    turn_deg: float
+    name: str
     status: str
     reason: str
     placements: int
@@ -139,19 +141,38 @@ def build_question(
     return contacts, tuple(grip)
 
 
-def turn_ball(
-    turn_deg: float, parameters: SceneParameters = TRIFINGER_BALL, axis: Array | None = None
+def turn_ball(turn_deg: float, parameters: SceneParameters = TRIFINGER_BALL) -> RollingTrial:
+    """Plan and run a turn of the ball about the vertical."""
+    return move_object(f"turn by {turn_deg:g} deg", VERTICAL, turn_deg, parameters=parameters)
+
+
+def list_moves() -> Iterator[tuple[str, Array, float, Array]]:
+    """Yield names, axes (3,), turns [deg] and shifts (3,) [m] of single motions: shifts by 10 mm, turns by 30 degrees."""
+    for axis, name in zip(np.eye(3), "xyz", strict=True):
+        for sign in (1.0, -1.0):
+            yield f"shift {name} {10 * sign:+g} mm", VERTICAL, 0.0, 0.01 * sign * axis
+            yield f"turn {name} {30 * sign:+g} deg", axis, 30.0 * sign, np.zeros(3)
+
+
+def move_object(
+    name: str,
+    axis_W: Array,
+    turn_deg: float,
+    shift_W: Array | None = None,
+    *,
+    azimuths: tuple[float | None, ...] = START_AZIMUTHS,
+    parameters: SceneParameters = TRIFINGER_BALL,
 ) -> RollingTrial:
-    """Plan and run a turn of the ball, about the vertical unless another ``axis`` (3,) is given."""
+    """Plan and run one motion of the object from its home: a turn about ``axis_W`` (3,), and a shift (3,) [m]."""
     scene = load_scene_with(parameters)
-    about = np.array([0.0, 0.0, 1.0]) if axis is None else axis
-    motion = ObjectMotion(scene.object.X_WO_home, about, float(np.radians(turn_deg)), np.zeros(3))
+    shift = np.zeros(3) if shift_W is None else shift_W
+    motion = ObjectMotion(scene.object.X_WO_home, axis_W, float(np.radians(turn_deg)), shift)
     begun = time.process_time()
-    contacts, start = build_question(scene, (motion,))
+    contacts, start = build_question(scene, (motion,), azimuths)
     found = plan_rolling(contacts, start, BUDGET)
     plan = found.plan
     asked = RollingRun(
-        turn_deg,
+        name,
         str(plan.status),
         plan.reason,
         count_placements(plan.actions),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 
@@ -32,6 +33,7 @@ class RollingContacts:
     """Answers along the way of the ``stations``: one stretch.  A grip has numbers of touches, and stays as it is when carried."""
 
     stations: RollingStations
+    _estimates: dict[tuple[int, int, int], float] = field(default_factory=dict, init=False)
     _ways: dict[tuple[int, RollingGrip, int, bool], Way] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -83,21 +85,24 @@ class RollingContacts:
             loads = np.where(self.hand.object.allows(sites.normals), loads, np.inf)
             order = np.argsort(loads, kind="stable")[:MOST]
             for number in known.land(one.finger, stop, [int(k) for k in order if np.isfinite(loads[k])]):
-                now = known.touches[number].at(station)
-                load = float(self.hold.estimate_pairs(X_WO, state, now.p_O[None], now.n_O[None])[0])
+                load = self._estimate(partner, number, stop)
                 until = min(known.touches[number].until, known.touches[partner].until)
-                later = self._estimate_later(partner, number, until)
+                later = self._estimate(partner, number, until)
                 landing = Landing(number, known.touches[number].until - stop, 0.5 * (load + min(later, 2.0)))
                 if number not in best or landing.load < best[number].load:
                     best[number] = landing
         return sorted(best.values(), key=lambda landing: (-landing.promise, landing.load))
 
-    def _estimate_later(self, a: int, b: int, stop: int) -> float:
-        """Return about which share of the cone two touches take at a later stop."""
-        station = int(self.touches.stops[stop])
-        one, other = (self.touches.touches[t].at(station) for t in (a, b))
-        X_WO = self.touches.stations[station]
-        return float(self.hold.estimate_pairs(X_WO, one, other.p_O[None], other.n_O[None])[0])
+    def _estimate(self, a: int, b: int, stop: int) -> float:
+        """Return about which share of the cone two touches take at a stop."""
+        key = a, b, stop
+        if key not in self._estimates:
+            station = int(self.touches.stops[stop])
+            one, other = (self.touches.touches[t].at(station) for t in (a, b))
+            X_WO = self.touches.stations[station]
+            found = self.hold.estimate_pairs(X_WO, one, other.p_O[None], other.n_O[None])
+            self._estimates[key] = float(found[0])
+        return self._estimates[key]
 
     def go(self, grip: RollingGrip, at: Progress, most: int | None = None) -> Reach:
         """Return how far all contacts can be carried, each finger by itself, if the grip decides the motion."""
@@ -138,20 +143,19 @@ class RollingContacts:
 
     def list_rests(self, grip: RollingGrip, at: Progress) -> list[tuple[int, RollingGrip]]:
         """Return which contacts can be lifted, each with the grip that is left: two of it seem to hold alone."""
-        station = int(self.touches.stops[at.stop])
-        X_WO = self.touches.stations[station]
         rests = []
         for f, touch in enumerate(grip):
             if touch is None:
                 continue
             rest = self.change(grip, f, None)
-            states = self.stations.list_states(rest, station)
-            pairs = [(a, b) for i, a in enumerate(states) for b in states[i + 1 :]]
-            if any(
-                np.isfinite(self.hold.estimate_pairs(X_WO, a, b.p_O[None], b.n_O[None])[0]) for a, b in pairs
-            ):
+            if self.seems_to_hold(rest, at.stop):
                 rests.append((touch, rest))
         return rests
+
+    def seems_to_hold(self, grip: RollingGrip, stop: int) -> bool:
+        """Return whether two contacts of a grip seem to hold alone at a stop, as far as is quickly known."""
+        touching = [t for t in grip if t is not None]
+        return any(np.isfinite(self._estimate(*pair, stop)) for pair in combinations(touching, 2))
 
     def find_way(self, touch: int, holding: RollingGrip, at: Progress, looks_around: bool) -> Way:
         """Return how a free finger goes between home and a contact while others hold; a detour only if it ``looks_around``."""

@@ -26,20 +26,32 @@ START = Progress(0, 0)
 SHARES = (1.0, 0.75, 0.5, 0.25)
 """After which shares of what a grip can do at most something else is tried."""
 
+LONG = 18
+"""Stops that a finger goes along at best after it was put down: 210 degrees, as prototypes of TriFinger went."""
+
 
 @dataclass(eq=False)
 class UsedUp:
-    """How many placements and lifts are missing at least: every finger that comes to its end before the object does is put
-    elsewhere, once at least; fingers that are free come down again, if two cannot carry.
+    """How many placements and lifts are missing about: every finger that comes to its end before the object does is put
+    elsewhere, as often as the longest carry that is known asks for.
+
+    A finger can only be put elsewhere while others hold.  Where the first that comes to its end cannot be let go, neither now nor
+    then, something else has to be done before.
     """
 
     contacts: RollingContacts
 
     def count_moves(self, stop: int, grip: RollingGrip) -> float:
-        """Return how many moves are missing at least."""
-        known = self.contacts.touches
-        ends = [t for t in grip if t is not None and known.touches[t].until < known.last]
-        return 2.0 * len(ends)
+        """Return how many moves are missing about."""
+        known, last = self.contacts.touches, self.contacts.touches.last
+        ends = sorted((known.touches[t].until, f) for f, t in enumerate(grip) if t is not None)
+        missing = sum(2.0 * max(1.0, (last - until) / LONG) for until, _ in ends if until < last)
+        if ends and ends[0][0] < last and len(ends) > 2:
+            until, first = ends[0]
+            rest = self.contacts.change(grip, first, None)
+            if not any(self.contacts.seems_to_hold(rest, then) for then in {stop, until}):
+                missing += 2.0
+        return missing
 
     def refuse(self, stop: int, grip: RollingGrip) -> None:
         """Learn nothing: what does not hold is not counted on."""
