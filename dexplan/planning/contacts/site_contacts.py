@@ -11,6 +11,7 @@ import numpy as np
 from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.admissible.admissibility import Margins
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.admissible.loads import sure_share
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.oracle import Landfall, Landing, Progress, Reach, Verdict
 from dexplan.planning.contacts.still import Stand, change_stand
@@ -59,7 +60,13 @@ class SiteContacts:
     def _land(self, one: SiteLandfall) -> list[Landing[int]]:
         partners = [s for s in one.held if s is not None] if one.keep is None else [one.keep]
         loads = np.minimum.reduce([self.layers.promise(one.done, one.finger, p) for p in partners])
-        places = self.layers.poses[one.done].landings(one.finger)
+        still = self.layers.poses[one.done]
+        places = still.landings(one.finger)
+        if self.layers.looks_ahead:
+            # What the force program would have to search for is left out, as in the bound.
+            now = np.minimum.reduce([still.loads(one.finger, p) for p in partners])
+            is_sure = now <= sure_share(self.hand)
+            loads = np.where(is_sure & still.find_room(one.finger, one.held), loads, np.inf)
         return [
             Landing(place, 0, float(load))
             for place, load in zip(places, loads, strict=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dexplan.contact.bodies.body import ConvexBody
 from dexplan.contact.bodies.sites import EDGE_BAND, Sites, build_sites
@@ -214,6 +215,20 @@ class StillContacts:
             np.stack([np.broadcast_to(self._normals[partner], normals.shape), normals], axis=1),
             np.stack([np.broadcast_to(self._arms[partner], arms.shape), arms], axis=1),
         )
+
+    def find_room(self, finger: int, stand: Stand) -> NDArray[np.bool_]:
+        """Return at which of its landings (N,) a finger's tip has room beside those of ``stand``, and keeps their order."""
+        spots = self.landings(finger)
+        tips = np.array([self._states[s].X_WF[:3, 3] for s in spots]).reshape(-1, 3)
+        has_room = np.ones(len(spots), dtype=bool)
+        for other, spot in enumerate(stand):
+            if spot is not None and other != finger:
+                radii = self.hand.fingers[finger].tip_radius + self.hand.fingers[other].tip_radius
+                gaps = np.linalg.norm(tips - self._states[spot].X_WF[:3, 3], axis=1) - radii
+                has_room &= gaps >= self.hand.limits.clearance
+        for k in np.flatnonzero(has_room).tolist():
+            has_room[k] = self._keeps_order(change_stand(stand, finger, spots[k]))
+        return has_room
 
     def get_direction(self, spot: int) -> Array:
         """Return in which direction (3,) in W the tip at a spot is from the object's origin: on a ball the normal."""
