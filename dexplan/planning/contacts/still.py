@@ -32,7 +32,7 @@ from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
 from dexplan.plans.contacts import Placement
 from dexplan.plans.refusal import Refusal, RefusalKind
-from dexplan.spatial import Array, invert_pose, lock_arrays
+from dexplan.spatial import VERTICAL, Array, invert_pose, lock_arrays, rotate_about
 
 Stand = tuple[int | None, ...]
 """Per finger the number of its spot, None where it is free (at home)."""
@@ -45,6 +45,10 @@ SPACING = 0.14
 """Distance of sites on other bodies, in lengths of the cube of their volume: about as many as directions around a ball."""
 DETOURS = 4
 """So many detours are looked for in vain around one pose of the object."""
+
+
+TILTS = (0.0, float(np.radians(25.0)), -float(np.radians(25.0)))
+"""How far poles are tilted off the normals, about the vertical, where a carry is ahead."""
 
 
 def change_stand(stand: Stand, finger: int, spot: int | None) -> Stand:
@@ -66,12 +70,19 @@ def find_sites(body: ConvexBody, normals_O: Array) -> Sites:
 
 
 def build_landings(
-    hand: HandModel, X_WO: Array, finger: int, normals_O: Array, points_O: Array | None = None
+    hand: HandModel,
+    X_WO: Array,
+    finger: int,
+    normals_O: Array,
+    points_O: Array | None = None,
+    *,
+    tilt: float = 0.0,
 ) -> list[Placement | None]:
     """Return how a finger touches along outward normals (N, 3) in object axes, its pole along them; None where it cannot.
 
-    ``points_O`` (N, 3) [m]: where; None where normals say it, as on a ball.  A tip that can roll about its pole lands with that
-    joint in the middle of its range.
+    ``points_O`` (N, 3) [m]: where; None where normals say it, as on a ball.  ``tilt`` [rad] turns the pole off the normal, about
+    the vertical: beside another finger, or near the end of a finger's way, that makes room.  A tip that can roll about its pole
+    lands with that joint in the middle of its range.
     """
     if points_O is None:
         points_O = find_sites(hand.object.body, normals_O).points
@@ -82,6 +93,8 @@ def build_landings(
     normals_W = normals_O @ X_WO[:3, :3].T
     X_WF = compute_aligned_pose(X_WO[:3, 3], normals_W, description.tip_radius)
     X_WF[:, :3, 3] += points_O @ X_WO[:3, :3].T
+    if tilt:
+        X_WF[:, :3, :3] = rotate_about(VERTICAL, tilt) @ X_WF[:, :3, :3]
     q, reached = solve_tip_pose(workspace, X_WF)
     if chain.has_tip_roll:
         q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
@@ -190,7 +203,10 @@ class StillContacts:
             # Regions are of directions from the object's origin; only on a ball these are the normals.
             from_origin = sites.points / np.linalg.norm(sites.points, axis=1, keepdims=True)
             rows = self.hand.object.allows(from_origin) & (sites.normals @ self.X_WO[:3, :3].T @ home > 0.0)
-            found = build_landings(self.hand, self.X_WO, finger, sites.normals[rows], sites.points[rows])
+            at = sites.normals[rows], sites.points[rows]
+            found = list[Placement | None]()
+            for tilt in TILTS if len(self.ahead) else (0.0,):
+                found += build_landings(self.hand, self.X_WO, finger, *at, tilt=tilt)
             landed = center_spins(self.hand, [p for p in found if p is not None], self.ahead)
             self._landings[finger] = self.add_all(landed)
         return self._landings[finger]
