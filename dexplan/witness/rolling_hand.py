@@ -213,10 +213,11 @@ def _measure(
     used = np.where(active, np.hypot(sideways, force[..., 3] / (mu_t * normal)), 0.0)
     index = np.asarray(columns["action_index"], dtype=np.intp)
     is_moving = np.array([isinstance(action, MoveObject) for action in plan.actions])[index]
-    on_two = active.sum(axis=1) == 2
     reach = scene.model.actuator_forcerange[:, 1]
     torque = np.abs(seen.actuator_force) / reach
     is_loaded = normal > 0.5 * plan.normal_floor
+    # A tip that has just touched, or is about to leave, is no holder yet.
+    on_two = (active.sum(axis=1) == 2) & (is_loaded | ~active).all(axis=1)
     return replace(
         asked,
         duration_s=float(seen.time[-1]),
