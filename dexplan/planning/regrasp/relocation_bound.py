@@ -66,7 +66,9 @@ class RelocationBound:
         if len(numbers) == 2:
             (a, i), (b, j) = numbers.items()
             self._dead.add((layer, (a, b), i, j))
-            self._stale = max(self._stale, layer)
+            if not self._layers.looks_ahead:
+                # On long ways measuring again takes longer than looking at a few pairs like it.
+                self._stale = max(self._stale, layer)
 
     def count_moves(self, layer: int, stand: Stand) -> float:
         """Return how many placements and lifts are missing at least; inf where there is no way."""
