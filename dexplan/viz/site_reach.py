@@ -91,7 +91,7 @@ class SiteReach:
 def compute_site_reach(hand: HandModel) -> SiteReach:
     """Return landings and pairs of ``hand`` with the object at home; the last hand's are kept."""
     body, limits = hand.object.body, hand.limits
-    sites, home = list_sites(body), hand.object.X_WO_home
+    sites, home = list_sites(hand), hand.object.X_WO_home
     landings = [find_landings(hand, finger, sites, home) for finger in range(len(hand.fingers))]
     lean_max = compute_pair_angle_max(hand.friction)
     kept = compute_pair_angle_max(hand.friction.scaled(limits.cone_share)) - limits.closure_margin

@@ -85,7 +85,7 @@ def draw_landings(
 
     ``asked`` are points (3,) [m] on the object; ``place`` (left, bottom, width, height) is the part of the figure.
     """
-    body, sites = hand.object.body, list_sites(hand.object.body)
+    body, sites = hand.object.body, list_sites(hand)
     left, bottom, width, height = (float(x) for x in place)
     each = width / len(hand.fingers)
     for finger in range(len(hand.fingers)):

@@ -41,12 +41,12 @@ Labels = tuple[int | None, ...]
 
 DIRECTIONS = 240
 """Directions around a ball at which intermediate landings are tried."""
-SPACING = 0.14
-"""Distance of sites on other bodies, in lengths of the cube of their volume: about as many as directions around a ball."""
+SPACING = 0.15
+"""Distance of sites on other bodies at most, in lengths of the cube of their volume: as many as directions around a ball."""
+_BESIDE = 2e-4
+"""Tips stand beside each other on a face with this much more than they have to keep [m]: a whole number of sites apart."""
 DETOURS = 4
 """So many detours are looked for in vain around one pose of the object."""
-
-
 TILTS = (0.0, float(np.radians(25.0)), -float(np.radians(25.0)))
 """How far poles are tilted off the normals, about the vertical, where a carry is ahead."""
 
@@ -56,12 +56,19 @@ def change_stand(stand: Stand, finger: int, spot: int | None) -> Stand:
     return (*stand[:finger], spot, *stand[finger + 1 :])
 
 
+def list_sites(hand: HandModel) -> Sites:
+    """Return the places all over the object at which landings are tried, none near an edge."""
+    room = 2.0 * min(f.tip_radius for f in hand.fingers) + hand.limits.clearance + _BESIDE
+    body = hand.object.body
+    widest = SPACING * float(np.cbrt(body.solid.volume))
+    return _spread_sites(body, room / np.ceil(room / widest))
+
+
 @lru_cache(maxsize=8)
-def list_sites(body: ConvexBody) -> Sites:
-    """Return the places all over a body at which landings are tried, none near an edge."""
+def _spread_sites(body: ConvexBody, spacing: float) -> Sites:
     if isinstance(body, BallBody):
         return find_sites(body, spread_directions(DIRECTIONS))
-    return build_sites(body, SPACING * float(np.cbrt(body.solid.volume)), EDGE_BAND)
+    return build_sites(body, spacing, EDGE_BAND)
 
 
 def find_sites(body: ConvexBody, normals_O: Array) -> Sites:
@@ -198,7 +205,7 @@ class StillContacts:
     def landings(self, finger: int) -> list[int]:
         """Return places all over the object where a finger can land, as far as it alone is concerned."""
         if finger not in self._landings:
-            sites = list_sites(self.hand.object.body)
+            sites = list_sites(self.hand)
             home = self.hand.p_WF_home[finger] - self.X_WO[:3, 3]
             # Regions are of directions from the object's origin; only on a ball these are the normals.
             from_origin = sites.points / np.linalg.norm(sites.points, axis=1, keepdims=True)
