@@ -15,7 +15,8 @@ from dexplan.problems.rules import spell
 from dexplan.problems.sections import GoalSection, ProblemFields
 
 OPTION = "--set"
-WORD = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+WORD = re.compile(r"[A-Za-z./][A-Za-z0-9_./-]*")
+"""A bare word, or the path of a file."""
 
 
 def parse_assignment(text: str, option: str = OPTION) -> tuple[str, object]:

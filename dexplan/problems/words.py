@@ -75,12 +75,13 @@ def describe_shape(thing: ObjectSection) -> str:
             rim = f", its rims rounded by {_as_mm(shape.rim_m)} mm" if shape.rim_m else ""
             return f"a cylinder of radius {_as_mm(shape.radius_m)} and half length {_as_mm(shape.half_length_m)} mm{rim}"
     body = build_shape(thing).as_body()
-    name = f" of {shape.taken_from}" if shape.taken_from else ""
-    words = f"the convex hull{name} of {len(shape.vertices_m or ())} points, within {1e3 * body.bound:.3g} mm"
-    if shape.mesh_volume_m3:
-        more = 100.0 * (body.solid.volume / shape.mesh_volume_m3 - 1.0)
-        words += f", {more:.2g} % more volume than the mesh" if more >= 0.05 else ", which is the mesh itself"
-    return words
+    corners = f"{len(shape.vertices_m or ())} points within {1e3 * body.bound:.3g} mm"
+    more = 100.0 * (body.solid.volume / (shape.mesh_volume_m3 or body.solid.volume) - 1.0)
+    if shape.taken_from is None:
+        return f"the convex hull of {corners}"
+    if more < 0.05:
+        return f"the convex mesh {shape.taken_from} of {corners}"
+    return f"the convex hull of {shape.taken_from}, {more:.2g} % more volume than the mesh, {corners}"
 
 
 def _describe_mass(thing: ObjectSection) -> str:

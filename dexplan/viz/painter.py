@@ -12,6 +12,7 @@ from dexplan.plans.plan import Plan
 from dexplan.sim.trace import Trace
 from dexplan.spatial import Array
 from dexplan.viz import marks, panels
+from dexplan.viz.body import find_body
 from dexplan.viz.dress import dress_model
 from dexplan.viz.facts import compute_facts
 from dexplan.viz.film import QUALITIES, FilmOptions
@@ -39,7 +40,8 @@ class Painter:
         self._tips = [self._model.geom(f"{name}/tip") for name in self._names]
         self._sketch = Sketch(*options.size)
         self._sketch.pixels[:] = (62, 67, 80, 255)
-        self._stage = Stage(self._model, options.size, self._layout.views, QUALITIES[options.quality])
+        body = find_body(trace.model_xml)
+        self._stage = Stage(self._model, body, options.size, self._layout.views, QUALITIES[options.quality])
         self._said: tuple[str, ...] = ()
         self._has_contacts = "contact_active" in trace and "action_index" in trace
         if options.is_told and self._has_contacts and self._layout.strip.height:

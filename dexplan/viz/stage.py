@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dexplan.contact.bodies.body import ConvexBody
 from dexplan.errors import UnknownNameError
 from dexplan.spatial import Array, make_pose
-from dexplan.viz.body import SURFACE, read_body
+from dexplan.viz.body import SURFACE
 from dexplan.viz.film import CLOSE_UP, Quality
 from dexplan.viz.palette import as_rgb
 from dexplan.viz.pattern import measure_slenderness
@@ -61,10 +61,18 @@ class Projection:
 
 
 class Stage:
-    """Draws poses of one model into parts of one picture.  A GL context has to be current."""
+    """Draws poses of one model into parts of one picture.  A GL context has to be current.
+
+    ``body`` is the object's, which a dressed model no longer tells; None where it is unknown.
+    """
 
     def __init__(
-        self, model: mujoco.MjModel, size: tuple[int, int], views: Sequence[View], quality: Quality
+        self,
+        model: mujoco.MjModel,
+        body: ConvexBody | None,
+        size: tuple[int, int],
+        views: Sequence[View],
+        quality: Quality,
     ) -> None:
         known = [model.camera(k).name for k in range(model.ncam)]
         for view in views:
@@ -78,7 +86,7 @@ class Stage:
         model.vis.quality.offsamples, model.vis.quality.shadowsize = quality.samples, quality.shadow
         self._data = mujoco.MjData(model)
         self._object = int(model.jnt_bodyid[model.joint("object/free/").id])
-        self.body = read_body(model)
+        self.body = body
         self._reach = _measure_reach(model, self.body)
         self._stand = choose_azimuth(model, self._object)
         self._option = mujoco.MjvOption()

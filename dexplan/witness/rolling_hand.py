@@ -19,7 +19,7 @@ from dexplan.planning.contacts.rolling_contacts import RollingContacts
 from dexplan.planning.contacts.rolling_stations import RollingGrip
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.tasks.rolling_fingers import build_rolling_contacts, plan_rolling
-from dexplan.plans.actions import MoveObject, count_placements
+from dexplan.plans.actions import MoveObject, Relocate, count_placements
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
 from dexplan.scene.description import SceneParameters
@@ -49,6 +49,8 @@ START_AZIMUTHS, START_ELEVATION = (135.0, 347.0, 187.0), 3.0
 """Where the fingers hold at the start [deg]: the second and the third opposite enough to hold alone, the first used up."""
 RING = (100.0, -20.0, -140.0)
 """Where fingers hold for single motions [deg]: evenly around the object."""
+TILTS = {"x": (90.0, -15.0, 195.0), "y": START_AZIMUTHS}
+"""Where fingers hold for tilts by 90 degrees [deg]: two of them opposite enough to hold alone, for these take placements."""
 BUDGET = 400
 """Nodes that a search may open."""
 AT_LIMIT = 0.95
@@ -80,7 +82,7 @@ class RollingRun:
     slip_mm: tuple[float, ...] = ()
     law_mm: tuple[float, ...] = ()
     pivot_deg: tuple[float, ...] = ()
-    held_used: float = np.inf
+    held_used: float = 0.0
     moving_used: float = np.inf
     most_normal_N: float = np.inf
     at_torque_limit: float = 1.0
@@ -154,6 +156,12 @@ def list_moves() -> Iterator[tuple[str, Array, float, Array]]:
             yield f"turn {name} {30 * sign:+g} deg", axis, 30.0 * sign, np.zeros(3)
 
 
+def run_tilts() -> Iterator[RollingTrial]:
+    """Run turns by 90 degrees about x and y, one after the other."""
+    for axis, name in zip(np.eye(3), "xy", strict=False):
+        yield move_object(f"turn {name} +90 deg", axis, 90.0, azimuths=TILTS[name])
+
+
 def move_object(
     name: str,
     axis_W: Array,
@@ -213,10 +221,12 @@ def _measure(
     used = np.where(active, np.hypot(sideways, force[..., 3] / (mu_t * normal)), 0.0)
     index = np.asarray(columns["action_index"], dtype=np.intp)
     is_moving = np.array([isinstance(action, MoveObject) for action in plan.actions])[index]
-    on_two = active.sum(axis=1) == 2
     reach = scene.model.actuator_forcerange[:, 1]
     torque = np.abs(seen.actuator_force) / reach
     is_loaded = normal > 0.5 * plan.normal_floor
+    # A tip that has just touched, or is about to leave, is no holder yet.
+    is_placing = np.array([isinstance(action, Relocate) for action in plan.actions])[index]
+    on_two = is_placing & (active.sum(axis=1) == 2) & (is_loaded | ~active).all(axis=1)
     return replace(
         asked,
         duration_s=float(seen.time[-1]),

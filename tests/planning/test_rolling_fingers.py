@@ -51,6 +51,8 @@ def test_the_ball_turns_by_118_degrees_with_three_placements_at_most(found: Roll
     carries = [action for action in plan.actions if isinstance(action, MoveObject)]
     assert sum(action.motion.angle for action in carries) == pytest.approx(np.radians(118.0))
     assert (found.slips <= SLIP_CAP * len(carries)).all()
+    # What a tip may slide in a carry cannot be had twice by interrupting it.
+    assert not any(isinstance(a, MoveObject) and isinstance(b, MoveObject) for a, b in pairwise(plan.actions))
     for action in plan.actions:
         # Shares of the believed cone and of the torque limits, at every station.
         assert action.margins.get("load", 1.0) >= 1.0 - LIMITS.cone_share - 1e-9

@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 
 from dexplan.builders import build_scene
+from dexplan.contact.bodies.sites import EDGE_BAND, build_sites
 from dexplan.contact.bodies.smooth import BallBody
 from dexplan.errors import DexplanError, ProblemError
+from dexplan.problems.override import parse_assignment
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.read import build_problem, load_problem
+from dexplan.problems.true_world import check_world
 from dexplan.problems.words import describe_problem
+from dexplan.sim.judge.true_world import find_untrue, join_world
 
 GOAL = {"rotation": {"axis": [0, 0, 1], "angle_deg": 20}}
 TETRAHEDRON = [[0.03, 0.03, 0.03], [-0.03, -0.03, 0.03], [-0.03, 0.03, -0.03], [0.03, -0.03, -0.03]]
@@ -185,8 +189,11 @@ def test_a_mesh_file_becomes_its_hull(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.abs(shape.vertices_m), 0.03, atol=1e-8)
     # A pyramid of 30 % of half the height over the square of the face is missing: 5 %.
     assert shape.mesh_volume_m3 == pytest.approx(0.95 * 0.06**3, rel=1e-5)
-    assert "the convex hull of thing.obj of 8 points" in dict(describe_problem(problem))["object"]
-    assert "5.3 % more volume than the mesh" in dict(describe_problem(problem))["object"]
+    words = dict(describe_problem(problem))["object"]
+    assert (
+        words
+        == "the convex hull of thing.obj, 5.3 % more volume than the mesh, 8 points within 52 mm and 60 g"
+    )
     # The copy needs no file, and an override may name another.
     copy = problem.save(tmp_path / "elsewhere" / "copy.toml")
     assert Problem.load(copy) == problem
@@ -352,3 +359,45 @@ def test_torsion_is_bounded_by_the_patch(shape: dict[str, Any] | None, widest: f
         match=r"friction.torsional_m: .* implies a contact patch .*; accepted: at most 0\.(3|59) \*",
     ):
         read(thing, friction={"torsional_m": 1.001 * most})
+
+
+def test_a_path_is_a_word_of_the_command_line() -> None:
+    for path in ("thing.obj", "../meshes/thing_2.stl", "/meshes/a-b.obj"):
+        assert parse_assignment(f"object.shape.path={path}") == ("object.shape.path", path)
+
+
+BOX = {"shape": SHAPES["box"]}
+
+
+@pytest.mark.parametrize(
+    ("believed", "true", "differs"),
+    [
+        (BOX, {"shape": {"kind": "box", "half_sizes_m": [0.031, 0.025, 0.04]}}, {"object.shape"}),
+        ({}, {"shape": SHAPES["ellipsoid"]}, {"object.shape", "object.radius_m"}),
+        (BOX, {"radius_m": 0.03}, {"object.shape", "object.radius_m"}),
+        ({**BOX, "com_m": [0.0, 0.0, 0.01]}, BOX, {"object.com_m"}),
+        (BOX, {**BOX, "com_m": [0.0, 0.001, 0.0], "mass_kg": 0.08}, {"object.com_m", "object.mass_kg"}),
+        ({**BOX, "inertia_kg_m2": [3e-5, 3e-5, 3e-5]}, BOX, {"object.inertia_kg_m2"}),
+    ],
+)
+def test_a_true_world_may_have_another_body(
+    believed: dict[str, Any], true: dict[str, Any], differs: set[str]
+) -> None:
+    problem, world = read(believed), read(true)
+    check_world(problem, world)
+    assert set(find_untrue(problem.as_dict(), world.as_dict())) == differs
+    joined = join_world(problem.as_dict(), world.as_dict())
+    assert joined["object"] == world.as_dict()["object"]
+
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "bodies").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_of_bodies_are_scenes(path: Path, tmp_path: Path) -> None:
+    problem = Problem.load(path)
+    assert Problem.load(problem.save(tmp_path / "copy.toml")) == problem
+    assert problem.name == path.stem
+    scene = build_scene(problem)
+    sites = build_sites(scene.object.body, 0.008, EDGE_BAND)
+    assert len(sites) > 60

@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from mujoco.batch import Batch
 
 from dexplan import pipeline
 from dexplan.problems.read import build_problem
@@ -18,6 +19,9 @@ from dexplan.sim.judge.object_shape import (
     integrate,
     measure_edge_distance,
 )
+from dexplan.sim.judge.reading import Reader, build_sensed_model
+from dexplan.sim.judge.world import read_world
+from dexplan.spatial import make_pose, rotate_about
 
 RNG = np.random.default_rng(5)
 CLOUD = np.round(RNG.normal(size=(24, 3)) * [0.02, 0.014, 0.03] + 0.003, 5).tolist()
@@ -110,3 +114,30 @@ def test_solids_are_those_of_bodies(name: str) -> None:
         points = body.project(RNG.normal(size=(300, 3)) * 0.05).point
         distance = measure_edge_distance({"shape": shape}, points)
         np.testing.assert_allclose(distance, body.measure_edge_distance(points), atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["egg", "cloud", "rounded"])
+def test_contacts_are_read_in_the_axes_of_the_body(name: str) -> None:
+    """MuJoCo keeps a mesh in axes of its own, which are not the object's."""
+    asked = {"shape": SHAPES[name], "mass_kg": 0.083}
+    turn = {"rotation": {"axis": [0.0, 0.0, 1.0], "angle_deg": 30.0}}
+    problem = build_problem({"format": 1, "name": "a_shape", "object": asked, "goal": turn})
+    scene = pipeline.build_scene(problem)
+    body, tip = scene.object.body, scene.fingers[1]
+    world = read_world(scene.xml)
+    batch = Batch(build_sensed_model(scene.xml, world.fingers), 1, 1)
+    data, q = mujoco.MjData(scene.model), np.stack([f.q_home for f in scene.fingers])
+    R_WO = rotate_about([0.6, 0.0, 0.8], 1.1)
+    point = body.radial([0.5, -0.7, 0.3])
+    X_WO = make_pose(R_WO, np.zeros(3))
+    data.qpos[:] = scene.as_qpos(q, X_WO)
+    mujoco.mj_kinematics(scene.model, data)
+    center_O = point + (tip.tip_radius - 1e-4) * body.normal_at(point)
+    X_WO[:3, 3] = data.site_xpos[scene.tip_sites[1]] - R_WO @ center_O
+    data.qpos[:] = scene.as_qpos(q, X_WO)
+    mujoco.mj_getState(scene.model, data, batch.state[0], mujoco.mjtState.mjSTATE_INTEGRATION)
+    reader = Reader(world, batch, 1, 1, 0.02)
+    reader.read(0, 1)
+    assert reader.active[0, 1]
+    np.testing.assert_allclose(reader.point[0, 1], point, atol=2e-4)
+    np.testing.assert_allclose(reader.rotation[0, 1, :, 2], -body.normal_at(point), atol=0.06)

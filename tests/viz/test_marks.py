@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from other_bodies import BODIES, swap_trace
 from turning_run import make_plan, make_trace
 
 from dexplan.plans.contacts import GoalContact
@@ -179,3 +180,16 @@ def test_the_close_up_stands_between_two_fingers() -> None:
     third = model.body("finger_3/")
     model.body_pos[third.id, :2] = [0.0, -0.18]
     assert choose_azimuth(model, thing) % 360.0 == pytest.approx(195.0, abs=0.01)
+
+
+def test_the_goals_ghost_is_seen_on_a_box(tmp_path: Path) -> None:
+    """A box that has to be turned shows where its arrow has to end, in the ghost's colour; at rest there is none."""
+    seen = []
+    for turn in (0.0, 90.0):
+        trace = swap_trace(make_trace(turn), BODIES["box"])
+        bare = {k: v for k, v in trace.columns.items() if k != "contact_force"}
+        path = tmp_path / f"{turn}.png"
+        render_frame(Trace(trace.model_xml, bare, {}), 0.0, path, plan=make_plan(turn), options=PLAIN)
+        pixels = np.asarray(imread(path)[80:160, 80:160, :3], dtype=float)
+        seen.append(((pixels[..., 2] - pixels[..., 0]) > 0.2).sum())
+    assert seen[1] > seen[0] + 20

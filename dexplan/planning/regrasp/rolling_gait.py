@@ -62,7 +62,7 @@ class RollingGait:
 
     def __init__(self, contacts: RollingContacts, start: RollingGrip) -> None:
         self.contacts = contacts
-        problem = StepProblem(contacts, AnyEnd(), UsedUp(contacts), shares=SHARES)
+        problem = StepProblem(contacts, AnyEnd(), UsedUp(contacts), shares=SHARES, is_one_go=True)
         self._engine = Engine(problem, PATIENCE)
         self._engine.push(Node(START, start))
 

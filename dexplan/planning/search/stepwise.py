@@ -76,6 +76,8 @@ class StepProblem(Generic[Grip, Touch]):
     cost_limit: float = np.inf
     shares: tuple[float, ...] = (1.0,)
     stop_cost: float = CARRY_COST
+    is_one_go: bool = False
+    """Whether no motion of the object directly follows another: what is bounded per motion is then bounded per grip."""
 
     def __post_init__(self) -> None:
         self._last = self.contacts.count_stops(0)
@@ -159,7 +161,8 @@ class StepProblem(Generic[Grip, Touch]):
                 return Expansion(goal=node)
             return Expansion(refused=(self._explain(node, refusal),), is_failure=True)
         children, refused = list[Node[Grip]](), list[Refused]()
-        if node.at.stop < self._last:
+        may_go = not (self.is_one_go and node.find_move(Go) is not None)
+        if node.at.stop < self._last and may_go:
             reach = self.contacts.go(node.grip, node.at)
             carry_on = replace(node, moves=())
             refused += [self._explain(carry_on, refusal) for refusal in reach.refusals]

@@ -59,11 +59,11 @@ class QuestionBuilder:
         count, joints = len(fingers), self._joints
         maps, torque_maps = np.zeros((6, 4 * count)), np.zeros((count, joints, 4))
         bias, limit = np.zeros((count, joints)), np.full((count, joints), np.inf)
-        R_WO = data.geom_xmat[world.object_geom].reshape(3, 3)
+        R_WO = data.xmat[world.object_body].reshape(3, 3)
         center = data.xipos[world.object_body]
         J, unloaded = np.zeros((6, model.nv)), data.qfrc_bias - data.qfrc_passive
         for i, k in enumerate(fingers.tolist()):
-            p_W = data.geom_xpos[world.object_geom] + R_WO @ replay.contact_point_O[sample, k]
+            p_W = data.xpos[world.object_body] + R_WO @ replay.contact_point_O[sample, k]
             R_WC = R_WO @ replay.contact_rotation_O[sample, k]
             own = maps[:, 4 * i : 4 * i + 4]
             own[:3, :3], own[3:, :3] = R_WC, np.cross(p_W - center, R_WC.T).T

@@ -29,8 +29,8 @@ _FIELDS = (
     "actuator_force",
     "site_xpos",
     "site_xmat",
-    "geom_xpos",
-    "geom_xmat",
+    "xpos",
+    "xmat",
     "cvel",
     "subtree_com",
 )
@@ -172,9 +172,9 @@ class Reader:
         sensed = np.where(active[..., None], sensed, np.nan)
         p_W, n, t1 = sensed[..., 8:11], sensed[..., 11:14], sensed[..., 14:17]
         R_WC = np.stack([t1, np.cross(n, t1), n], axis=-1)
-        R_OW = fields["geom_xmat"][:, world.object_geom].reshape(-1, 1, 3, 3).swapaxes(-1, -2)
+        R_OW = fields["xmat"][:, world.object_body].reshape(-1, 1, 3, 3).swapaxes(-1, -2)
         self.active[rows] = active
-        self.point[rows] = (R_OW @ (p_W - fields["geom_xpos"][:, None, world.object_geom])[..., None])[..., 0]
+        self.point[rows] = (R_OW @ (p_W - fields["xpos"][:, None, world.object_body])[..., None])[..., 0]
         self.rotation[rows] = R_OW @ R_WC
         self.force[rows] = sensed[..., [2, 3, 1, 4]]
         self.penetration[rows] = -sensed[..., 7]
@@ -240,8 +240,9 @@ class Reader:
             R_WC = np.stack([rows[1], -rows[2], -rows[0]], axis=1)
             force = (-w[1], w[2], w[0], w[3])
         p_W = data.contact.pos[c].copy()
-        R_WO = data.geom_xmat[world.object_geom].reshape(3, 3)
-        p_WO = data.geom_xpos[world.object_geom]
+        # The body's frame: MuJoCo keeps a mesh in axes of its own.
+        R_WO = data.xmat[world.object_body].reshape(3, 3)
+        p_WO = data.xpos[world.object_body]
         self.active[t, k] = True
         self.point[t, k] = R_WO.T @ (p_W - p_WO)
         self.rotation[t, k] = R_WO.T @ R_WC
