@@ -61,7 +61,7 @@ class Burden:
     def keep_bearing(
         self, R_WO: Array, points: list[Array], normals: list[Array], holds: dict[Pair, Bools]
     ) -> dict[Pair, Bools]:
-        """Return which pairs, of those that are force closed (``holds``), bear the object at rest at the attitude ``R_WO`` (3, 3).
+        """Return which pairs, of those that ``holds`` says are force closed, bear the object at rest at ``R_WO`` (3, 3).
 
         ``points`` [m] and outward ``normals`` (N, 3) per finger, object axes; as far as the quick loads say for sure.
         """
