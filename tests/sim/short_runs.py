@@ -10,6 +10,7 @@ from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference, build_reference
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.gait.steps import Step
+from dexplan.plans.phases import PlannedPhase
 from dexplan.plans.plan import Plan
 from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
@@ -34,6 +35,9 @@ SHORT_TURN: dict[str, object] = {
 """Finger 2 starts near the end of its reach, so that 15 degrees take one substitution (finger 3 for 2)."""
 HOLD_TIMING = Timing(first_hold=0.5, last_hold=1.5)
 """Two seconds in all."""
+
+DROPPED = {"not_dropped", "position_error_max", "contact_schedule", "phases_in_order"}
+"""Seen in every run that loses the object before its end."""
 
 
 @lru_cache
@@ -123,3 +127,28 @@ def with_truth(
 def failed(report: ValidationReport) -> set[str]:
     """Return the names of the checks that failed."""
     return {check.name for check in report.failures}
+
+
+def lift_wrong_finger(problem: Problem, plan: Plan) -> Plan:
+    """Return the plan with the first lift taking the partner instead, and everything after it as that leaves it."""
+    actions = list(plan.actions)
+    index = next(k for k, action in enumerate(actions) if action.name == "lift")
+    right, before = actions[index].finger, actions[index - 1].contacts_end
+    placed = actions[index - 1].finger
+    wrong = next(k for k, c in enumerate(before) if c is not None and k not in (right, placed))
+    after = tuple(None if k == wrong else c for k, c in enumerate(before))
+    order = list(range(len(after)))
+    order[right], order[wrong] = wrong, right
+
+    def exchange(phase: PlannedPhase) -> PlannedPhase:
+        return PlannedPhase(phase.name, tuple(phase.touch[k] for k in order))
+
+    for k in range(index, len(actions)):
+        actions[k] = replace(
+            actions[k],
+            **({"finger": wrong} if k == index else {}),
+            grasping=tuple(i for i, c in enumerate(after) if c is not None),
+            contacts_end=after,
+            phases=tuple(map(exchange, actions[k].phases)),
+        )
+    return pipeline.time_plan(problem, replace(plan, actions=tuple(actions)))

@@ -11,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from short_runs import (
+    DROPPED,
     build_plan_reference,
     failed,
+    lift_wrong_finger,
     plan_of,
     report_of,
     simulate,
@@ -24,13 +26,9 @@ from short_runs import (
 from dexplan import pipeline
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import Reference
-from dexplan.plans.phases import PlannedPhase
 from dexplan.plans.plan import Plan
 from dexplan.problems.problem import AllowedRegion, Problem
 from dexplan.sim.judge.validate import ValidationReport
-
-DROPPED = {"not_dropped", "position_error_max", "contact_schedule", "phases_in_order"}
-"""Seen in every run that loses the object before its end."""
 
 
 @pytest.fixture(scope="module")
@@ -41,31 +39,6 @@ def problem() -> Problem:
 @pytest.fixture(scope="module")
 def plan(problem: Problem) -> Plan:
     return plan_of(problem)
-
-
-def lift_wrong_finger(plan: Plan) -> Plan:
-    """Return the plan with the first lift taking the partner instead, and everything after it as that leaves it."""
-    actions = list(plan.actions)
-    index = next(k for k, action in enumerate(actions) if action.name == "lift")
-    right, before = actions[index].finger, actions[index - 1].contacts_end
-    placed = actions[index - 1].finger
-    wrong = next(k for k, c in enumerate(before) if c is not None and k not in (right, placed))
-    after = tuple(None if k == wrong else c for k, c in enumerate(before))
-    order = list(range(len(after)))
-    order[right], order[wrong] = wrong, right
-
-    def exchange(phase: PlannedPhase) -> PlannedPhase:
-        return PlannedPhase(phase.name, tuple(phase.touch[k] for k in order))
-
-    for k in range(index, len(actions)):
-        actions[k] = replace(
-            actions[k],
-            **({"finger": wrong} if k == index else {}),
-            grasping=tuple(i for i, c in enumerate(after) if c is not None),
-            contacts_end=after,
-            phases=tuple(map(exchange, actions[k].phases)),
-        )
-    return pipeline.time_plan(turn_problem(), replace(plan, actions=tuple(actions)))
 
 
 def without_phases(reference: Reference, *names: str) -> Reference:
@@ -82,7 +55,7 @@ def test_honest_run_passes(problem: Problem) -> None:
 
 
 def test_wrong_finger_lifts(problem: Problem, plan: Plan) -> None:
-    wrong = lift_wrong_finger(plan)
+    wrong = lift_wrong_finger(problem, plan)
     trace = pipeline.rollout(problem, wrong)
     # Judged by the plan that was carried out: the two that are left are no grasp, and the ball falls.
     own = failed(pipeline.validate(problem, wrong, trace))
