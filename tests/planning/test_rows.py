@@ -19,6 +19,7 @@ EGG = {"shape": {"kind": "ellipsoid", "semi_axes_m": [0.030, 0.030, 0.040]}, "ma
 RAISE = {"translation_m": [0.002, 0.004, 0.007]}
 TURN = {"rotation": {"axis": [0.1, 0.0, 1.0], "angle_deg": 95.0}}
 TILT = {"rotation": {"axis": [1.0, -0.4, 0.0], "angle_deg": 17.0}, "translation_m": [0.0, -0.004, -0.003]}
+LEAN = {"rotation": {"axis": [1.0, -0.4, 0.2], "angle_deg": -12.0}}
 AWAY = {"translation_m": [0.0, 0.0, 0.5]}
 
 
@@ -42,14 +43,14 @@ def check_chain(plan: Plan) -> None:
         before, X_WO = action.contacts_end, action.X_WO_end
 
 
-@pytest.mark.parametrize(
-    ("thing", "row"), [({}, [RAISE, TURN, TILT]), (EGG, [TILT, RAISE])], ids=["ball", "egg"]
-)
+@pytest.mark.parametrize(("thing", "row"), [({}, [TURN, LEAN]), (EGG, [TILT, RAISE])], ids=["ball", "egg"])
 def test_goals_are_reached_in_a_row(thing: dict[str, Any], row: list[dict[str, Any]]) -> None:
     problem = read(row, thing)
     plan = pipeline.plan(problem)
     assert plan.is_solved, plan.reason
     check_chain(plan)
+    # The ball's turn takes gaits: what follows begins with another grasp than the first.
+    assert bool(thing) or any(isinstance(action, Relocate) for action in plan.actions)
     holds = [action for action in plan.actions if isinstance(action, Hold)]
     assert len(holds) == 1 + len(row)
     assert [hold.why for hold in holds[1:-1]] == [
@@ -61,7 +62,7 @@ def test_goals_are_reached_in_a_row(thing: dict[str, Any], row: list[dict[str, A
 
 
 def test_a_row_says_how_far_it_came() -> None:
-    plan = pipeline.plan(read([RAISE, AWAY, TILT], {}))
+    plan = pipeline.plan(read([LEAN, AWAY, TILT], {}))
     assert plan.status is Status.GOAL_UNREACHABLE
     assert plan.reason.startswith("waypoint 2 of 3: no two fingers can hold the object at the goal")
     assert plan.statistics["waypoints"] == 1
