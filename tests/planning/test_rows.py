@@ -17,7 +17,7 @@ from dexplan.problems.read import build_problem
 
 EGG = {"shape": {"kind": "ellipsoid", "semi_axes_m": [0.030, 0.030, 0.040]}, "mass_kg": 0.151}
 RAISE = {"translation_m": [0.002, 0.004, 0.007]}
-TURN = {"rotation": {"axis": [0.1, 0.0, 1.0], "angle_deg": 95.0}}
+TURN = {"rotation": {"axis": [0.1, 0.0, 1.0], "angle_deg": 160.0}}
 TILT = {"rotation": {"axis": [1.0, -0.4, 0.0], "angle_deg": 17.0}, "translation_m": [0.0, -0.004, -0.003]}
 LEAN = {"rotation": {"axis": [1.0, -0.4, 0.2], "angle_deg": -12.0}}
 AWAY = {"translation_m": [0.0, 0.0, 0.5]}

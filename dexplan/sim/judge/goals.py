@@ -58,8 +58,8 @@ def find_moments(case: Case) -> list[int | None]:
     action_of = np.array([a for a, _ in case.phases] + [-1])[case.claimed_phase]
     moments: list[int | None] = []
     for mark in find_marks(case):
-        samples = np.flatnonzero(action_of == mark) if mark is not None else ()
-        moments.append(int(samples[-1]) if len(samples) else None)
+        samples = [] if mark is None else np.flatnonzero(action_of == mark).tolist()
+        moments.append(samples[-1] if samples else None)
     return [*moments, case.sample_count - 1 if case.sample_count else None]
 
 
