@@ -9,6 +9,7 @@
 ``attitudes``     random attitudes from random starts, planned and carried out
 ``adjustments``   random goal grasps; ``shifts``: random shifts
 ``confirmation``  built-in problems and random worlds: planned, carried out, judged
+``bodies``        random attitudes of any convex body, and what brute force says of refusals
 ``brute_force``   a refusal held against a grid of contacts
 ``endurance``     goal after goal in one rollout; ``endurance_picture``: told and drawn
 ``digests``       fingerprints of plans
@@ -24,6 +25,7 @@
 __all__ = [
     "adjustments",
     "attitudes",
+    "bodies",
     "brute_force",
     "confirmation",
     "digests",

@@ -1,9 +1,9 @@
 """Can the object be held there, and come to from here?  Slow and simple answers that the planner's refusals are judged by.
 
-Contacts stand on a grid of directions of the object, tips with their poles along the normals.  Nothing of the planner's search
-is used: postures come from the sampled workspace by Newton's method, clearance from the probe with every finger where it is
-(free ones at home), forces from the margins of one state.  What is found is a way to do it.  What is not found may lie between
-the grid's directions, or beyond the work allowed.
+Contacts stand on a grid of directions around a ball, or of sites on any other body, tips with their poles along the normals.
+Nothing of the planner's search is used: postures come from the sampled workspace by Newton's method, clearance from the probe
+with every finger where it is (free ones at home), forces from the margins of one state.  What is found is a way.  What is not
+found may lie between the grid's places, or beyond the work allowed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,12 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dexplan.contact.bodies.body import ConvexBody
+from dexplan.contact.bodies.sites import EDGE_BAND, Sites, build_sites
+from dexplan.contact.bodies.smooth import BallBody
+from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.kinematics.arcs import build_travel, compute_hover
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin
 from dexplan.kinematics.workspace import spread_directions
@@ -28,6 +33,8 @@ HOLDING = 1500
 """Directions tried for holding the object at one pose: about 5 deg apart."""
 COMING = 300
 """Directions tried for coming from pose to pose: about 12 deg apart."""
+SITES = 80
+"""Sites on another body than a ball, for either: not more than that, and about as many."""
 PAIRS, TRIPLES = 4000, 1500
 """Grasps of every two and every three fingers that are looked at, those that are most opposite first."""
 STATES = 12_000
@@ -36,12 +43,24 @@ JUMP = 0.6
 """A joint that turns by more than this from one pose to the next has changed its branch [rad]."""
 
 Contact = tuple[int, int]
-"""A finger and the number of a direction."""
+"""A finger and the number of a place."""
+
+
+def spread_sites(body: ConvexBody, count: int) -> Sites:
+    """Return places all over a body: so many directions around a ball, about ``SITES`` places away from edges elsewhere."""
+    if isinstance(body, BallBody):
+        directions = spread_directions(count)
+        return Sites(body.radial(directions), directions)
+    # As wide apart as leaves that many; the surface is looked at ever more finely.
+    spacing = 2.0 * body.bound
+    while len(build_sites(body, 0.94 * spacing, EDGE_BAND)) <= SITES:
+        spacing *= 0.94
+    return build_sites(body, spacing, EDGE_BAND)
 
 
 @dataclass(eq=False)
 class Touch:
-    """How every finger touches along ``normals_O`` (D, 3), outward in object axes, with the object at ``X_WO`` (4, 4).
+    """How every finger touches at ``sites`` (D of them) of the object, which is at ``X_WO`` (4, 4).
 
     ``q`` (F, D, J) are the postures, with the last joint as the tip pose that goes along with the object asks for; ``ok`` (F, D)
     says which keep the planner's distance to the other joints' limits and to singular postures.
@@ -49,16 +68,17 @@ class Touch:
 
     hand: HandModel
     X_WO: Array
-    normals_O: Array
+    sites: Sites
 
     def __post_init__(self) -> None:
-        hand, count = self.hand, len(self.normals_O)
-        X_OC = np.stack([make_pose(build_frame(-n)) for n in self.normals_O])
-        self.q = np.zeros((len(hand.fingers), count, hand.fingers[0].chain.n_joints))
+        hand, points, normals = self.hand, self.sites.points, self.sites.normals
+        X_OC = np.stack([make_pose(build_frame(-n)) for n in normals])
+        allowed = hand.object.allows(points / np.linalg.norm(points, axis=1, keepdims=True))
+        self.q = np.zeros((len(hand.fingers), len(points), hand.fingers[0].chain.n_joints))
         self.ok = np.zeros(self.q.shape[:2], dtype=bool)
         for f, finger in enumerate(hand.fingers):
             X_OF = X_OC.copy()
-            X_OF[:, :3, 3] = hand.object.surface.radial(self.normals_O) + finger.tip_radius * self.normals_O
+            X_OF[:, :3, 3] = points + finger.tip_radius * normals
             if not len(hand.workspaces[f].postures):
                 continue
             q, reached = hand.workspaces[f].solve(self.X_WO @ X_OF)
@@ -68,7 +88,7 @@ class Touch:
                 reached
                 & (room >= hand.limits.joint_margin)
                 & (compute_dexterity(finger.chain, q) >= hand.limits.dexterity)
-                & hand.object.allows(self.normals_O)
+                & allowed
             )
 
     def place(self, contacts: tuple[Contact, ...], is_centred: bool = True) -> Array:
@@ -81,11 +101,18 @@ class Touch:
                 q[f, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
         return q
 
+    def measure_spare(self, a: NDArray[np.intp], b: NDArray[np.intp]) -> Array:
+        """Return by how much [rad] the chords between sites ``a`` and ``b`` lie inside both cones, the planner's margin kept."""
+        hand, both = self.hand, np.stack(np.broadcast_arrays(a, b), axis=-1)
+        beta = np.arctan(hand.limits.cone_share * hand.friction.sliding) - hand.limits.closure_margin
+        return np.asarray(beta - measure_chord_lean(self.sites.points[both], self.sites.normals[both]))
+
     def keeps_order(self, contacts: tuple[Contact, ...]) -> bool:
         """Return whether all tips, those at home too, stand around the object in the order of the fingers' bases."""
         tips = self.hand.p_WF_home - self.X_WO[:3, 3]
         for f, d in contacts:
-            tips[f] = self.X_WO[:3, :3] @ self.normals_O[d]
+            radius = self.hand.fingers[f].tip_radius
+            tips[f] = self.X_WO[:3, :3] @ (self.sites.points[d] + radius * self.sites.normals[d])
         bases = [f.chain.offsets[0][:2, 3] - self.hand.object.X_WO_home[:2, 3] for f in self.hand.fingers]
         order = np.argsort([np.arctan2(y, x) for x, y in bases])
         azimuth = np.arctan2(tips[order, 1], tips[order, 0])
@@ -107,24 +134,18 @@ class Touch:
 def find_hold(
     hand: HandModel, X_WO: Array, judge: Admissibility, most: int = 3
 ) -> tuple[tuple[int, Array], ...] | None:
-    """Return fingers with normals (3,) in object axes, two or up to ``most``, that hold the object at ``X_WO`` (4, 4).
+    """Return fingers with contact points (3,) in object axes, two or up to ``most``, that hold the object at ``X_WO`` (4, 4).
 
     None where none are found.
     """
-    touch = Touch(hand, X_WO, spread_directions(HOLDING))
+    touch = Touch(hand, X_WO, spread_sites(hand.object.body, HOLDING))
     fingers = range(len(hand.fingers))
     for size in range(2, most + 1):
         for chosen in combinations(fingers, size):
             for contacts in _list_grasps(touch, chosen):
                 if touch.holds(judge, contacts):
-                    return tuple((f, touch.normals_O[d]) for f, d in contacts)
+                    return tuple((f, touch.sites.points[d]) for f, d in contacts)
     return None
-
-
-def _needed_opposition(hand: HandModel) -> float:
-    """Return which cosine between a normal and the opposite of another says that the two hold, the planner's margin kept."""
-    beta = np.arctan(hand.limits.cone_share * hand.friction.sliding) - hand.limits.closure_margin
-    return float(np.cos(2.0 * beta)) if beta > 0.0 else 2.0
 
 
 def _list_grasps(touch: Touch, fingers: tuple[int, ...]) -> Iterator[tuple[Contact, ...]]:
@@ -132,11 +153,10 @@ def _list_grasps(touch: Touch, fingers: tuple[int, ...]) -> Iterator[tuple[Conta
     reach = [np.flatnonzero(touch.ok[f]) for f in fingers]
     if not all(len(r) for r in reach):
         return
-    cosine, n = _needed_opposition(touch.hand), touch.normals_O
     if len(fingers) == 2:
-        opposite = -(n[reach[0]] @ n[reach[1]].T)
-        a, b = np.nonzero(opposite > cosine)
-        for k in np.argsort(-opposite[a, b], kind="stable")[:PAIRS].tolist():
+        spare = touch.measure_spare(reach[0][:, None], reach[1][None])
+        a, b = np.nonzero(spare > 0.0)
+        for k in np.argsort(-spare[a, b], kind="stable")[:PAIRS].tolist():
             yield (fingers[0], int(reach[0][a[k]])), (fingers[1], int(reach[1][b[k]]))
         return
     rng = np.random.default_rng(0)
@@ -159,16 +179,25 @@ class Journey:
 
     Two things can be done: take the object on to the next pose, both contacts going along; or put a free finger down while both
     hold, and lift one of the two.
+
+    ``start``: per finger the direction (3,) in W from the object's origin to where it touches, None for a free one;
+    ``every``: fingers may be put elsewhere at each pose whose number this divides.
     """
 
-    def __init__(self, hand: HandModel, X_WO: Array, start: tuple[Array | None, ...] | None) -> None:
-        self.hand, self.judge = hand, Admissibility(hand)
-        normals, self.first = spread_directions(COMING), None
+    def __init__(
+        self, hand: HandModel, X_WO: Array, start: tuple[Array | None, ...] | None, every: int = 3
+    ) -> None:
+        self.hand, self.judge, self.every = hand, Admissibility(hand), every
+        body, self.first = hand.object.body, None
+        sites = spread_sites(body, COMING)
         if start is not None:
             given = [(f, X_WO[0, :3, :3].T @ n) for f, n in enumerate(start) if n is not None]
-            self.first = tuple((f, COMING + k) for k, (f, _) in enumerate(given))
-            normals = np.vstack([normals, *(n[None] for _, n in given)])
-        self.touches = [Touch(hand, X, normals) for X in X_WO]
+            self.first = tuple((f, len(sites) + k) for k, (f, _) in enumerate(given))
+            points = body.radial(np.stack([d for _, d in given]))
+            sites = Sites(
+                np.vstack([sites.points, points]), np.vstack([sites.normals, body.normal_at(points)])
+            )
+        self.touches = [Touch(hand, X, sites) for X in X_WO]
         self.looked_at = 0
         self._held: dict[tuple[int, tuple[Contact, ...]], bool] = {}
         self._ways: dict[tuple[int, Contact, tuple[Contact, ...]], bool] = {}
@@ -215,7 +244,8 @@ class Journey:
             touch, finger = self.touches[k], self.hand.fingers[mover[0]]
             q = touch.place((mover,))[mover[0]]
             X_OF = np.linalg.inv(touch.X_WO) @ finger.pose_at(q)
-            hover = compute_hover(finger, touch.X_WO, X_OF, touch.normals_O[mover[1]], q, self.hand.hover)
+            normal_O = touch.sites.normals[mover[1]]
+            hover = compute_hover(finger, touch.X_WO, X_OF, normal_O, q, self.hand.hover)
             arc = build_travel(finger, finger.q_home, hover, touch.X_WO[:3, 3])
             around = Surroundings(
                 self.hand, touch.place(holding), touch.X_WO, mover[0], tuple(f for f, _ in holding)
@@ -227,9 +257,10 @@ class Journey:
         return self._ways[key]
 
     def _exchange(self, node: _Node) -> Iterator[tuple[Contact, Contact, tuple[int, int]]]:
-        k, n = node.done, self.touches[node.done].normals_O
-        cosine = _needed_opposition(self.hand)
+        k, touch = node.done, self.touches[node.done]
         busy = {f for f, _ in node.pair}
+        spots = np.arange(len(touch.sites))
+        spare = {d: touch.measure_spare(np.array(d), spots) for _, d in node.pair}
         for f in sorted(set(range(len(self.hand.fingers))) - busy):
             for d in np.flatnonzero(self.touches[k].ok[f]).tolist():
                 new = (f, int(d))
@@ -237,7 +268,7 @@ class Journey:
                     (node.pair[0], node.pair[1], node.landed[0]),
                     (node.pair[1], node.pair[0], node.landed[1]),
                 ):
-                    if -(n[keep[1]] @ n[d]) <= cosine or not self.holds(k, (keep, new)):
+                    if spare[keep[1]][d] <= 0.0 or not self.holds(k, (keep, new)):
                         continue
                     if not self.holds(k, (*node.pair, new)):
                         continue
@@ -264,7 +295,7 @@ class Journey:
                 return True, True
             if self._may_go_on(node):
                 push(_Node(node.priority - 1.0, node.done + 1, node.pair, node.landed))
-                if (node.done + 1) % 3:
+                if (node.done + 1) % self.every:
                     continue
             for keep, new, landed in self._exchange(node):
                 push(_Node(node.priority + 0.5, node.done, (keep, new), landed))

@@ -107,7 +107,7 @@ def judge_refusal(done: Attempt) -> Verdict:
     held = find_hold(hand, plan.X_WO_goal, judge)
     if held is None:
         return Verdict(True, "nothing holds at the goal")
-    named = ", ".join(f"finger {f + 1} along {np.round(n, 3).tolist()}" for f, n in held)
+    named = ", ".join(f"finger {f + 1} at {np.round(1e3 * p, 1).tolist()} mm" for f, p in held)
     if plan.status in (Status.GOAL_UNREACHABLE, Status.NO_FORCE_CLOSURE_PAIR):
         return Verdict(False, f"at the goal hold {named}")
     looked_at = []

@@ -40,9 +40,15 @@ BODIES: dict[str, ConvexBody] = {
     "cylinder": CylinderBody(0.03, 0.04),
     "stone": PolyhedronBody(_stone(3)),
     "prism": PolyhedronBody(_prism(6)),
+    # Shapes far from a ball, where what converges slowly would show.
+    "needle": CapsuleBody(0.0013, 0.09),
+    "sheet": BoxBody(0.047, 0.019, 0.0023),
+    "disc": CylinderBody(0.043, 0.0031),
 }
 ROUNDED = CylinderBody(0.03, 0.04, 0.006)
-ALL = {**BODIES, "rounded": ROUNDED}
+# MuJoCo's distance from the leaf is exact to 3e-9 m alone; that the point is the nearest one is tested without MuJoCo.
+LEAF, LOZENGE = EllipsoidBody(0.006, 0.021, 0.057), CylinderBody(0.037, 0.0113, 0.0109)
+ALL = {**BODIES, "rounded": ROUNDED, "leaf": LEAF, "lozenge": LOZENGE}
 
 
 def _as_geom(body: ConvexBody) -> str:
@@ -179,7 +185,15 @@ def test_a_rounded_cylinder_lies_between_the_sharp_one_and_its_core() -> None:
     assert np.allclose(np.trace(second) * np.eye(3) - second, ROUNDED.solid.inertia, rtol=2e-2, atol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "band"), [(n, b) for n in ALL for b in (0.0, 0.004)])
+SLENDER = pytest.mark.xfail(
+    strict=True, reason="candidates along rays from the origin leave holes on slender bodies"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "band"),
+    [pytest.param(n, b, marks=SLENDER if n in ("needle", "leaf") else ()) for n in ALL for b in (0.0, 0.004)],
+)
 def test_sites_are_even_and_away_from_edges(name: str, band: float) -> None:
     body, spacing = ALL[name], 0.007
     sites = build_sites(body, spacing, band)

@@ -65,7 +65,7 @@ def test_fingers_hold_within_reach_and_not_beyond(hand: HandModel) -> None:
     held = find_hold(hand, X, judge)
     assert held is not None
     (_, one), (_, two) = held
-    assert one @ two < -0.7
+    assert one @ two < -0.7 * 0.035**2
     X[1, 3] += 0.3
     assert find_hold(hand, X, judge) is None
 

@@ -109,9 +109,11 @@ def _compare(
         if (wanted == "free") != (contact is None):
             yield f"the plan {verb} with {finger} {'free' if contact is None else 'touching'}, which the problem does not"
         elif contact is not None:
-            normal, direction = np.asarray(contact["normal_O"]), as_direction(wanted)
-            across = np.linalg.norm(np.cross(normal, direction))
-            if not np.arctan2(across, normal @ direction) <= most:
+            # Around a ball the normal says where; on another body it is the point, seen from the origin.
+            said = "point_O" if case.problem["object"].get("shape") and "point_O" in contact else "normal_O"
+            where, direction = np.asarray(contact[said]), as_direction(wanted)
+            across = np.linalg.norm(np.cross(where, direction))
+            if not np.arctan2(across, where @ direction) <= most:
                 yield f"the plan {verb} with {finger} elsewhere than the problem says"
 
 
