@@ -13,18 +13,14 @@ from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexplan.planning.admissible.loads import compute_object_wrench, sure_share
-from dexplan.planning.admissible.order import ORDER_GAP
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.still import SpotPairs, Stand, build_landings
+from dexplan.planning.regrasp.pairs import Bools, Burden, Pair, keep_order_of_pairs
 from dexplan.plans.contacts import Placement
 from dexplan.spatial import Array
 
 NEVER = np.inf
-Pair = tuple[int, int]
-Bools = NDArray[np.bool_]
 
 
 class RelocationBound:
@@ -47,7 +43,7 @@ class RelocationBound:
         self._dead: set[tuple[int, Pair, int, int]] = set()
         self._distances: list[dict[Pair, Array]] = [{} for _ in layers.poses]
         self._stale = layers.last
-        self._borne: dict[tuple[object, ...], Bools] = {}
+        self._burden = Burden(layers.hand)
         for layer, still in enumerate(layers.poses):
             for finger in range(self._count):
                 for spot in still.landings(finger):
@@ -157,48 +153,11 @@ class RelocationBound:
         for layer in range(self._stale, -1, -1):
             beside, bear = is_apart, holds
             if layers.looks_ahead:
-                bear = self._leave_out_heavy(layer, points, normals, holds)
-                beside = self._leave_out_crossed(layer, centers, is_apart)
+                R_WO = layers.poses[layer].X_WO[:3, :3]
+                beside = keep_order_of_pairs(hand, R_WO, centers, is_apart)
+                bear = self._burden.keep_bearing(R_WO, points, normals, holds)
             later = self._distances[layer] = self._spread(layer, later, beside, bear)
         self._stale = -1
-
-    def _leave_out_crossed(
-        self, layer: int, centers: list[Array], is_apart: dict[Pair, Bools]
-    ) -> dict[Pair, Bools]:
-        """Return which tips have room for each other and, on one side of the object, stand in the order of their bases."""
-        hand, R_WO = self._layers.hand, self._layers.poses[layer].X_WO[:3, :3]
-        home = hand.object.X_WO_home[:2, 3]
-        arms = [finger.chain.offsets[0][:2, 3] - home for finger in hand.fingers]
-        bases = [np.arctan2(arm[1], arm[0]) for arm in arms]
-        turned = [rows @ R_WO.T for rows in centers]
-        azimuths = [np.arctan2(rows[:, 1], rows[:, 0]) for rows in turned]
-        kept: dict[Pair, Bools] = {}
-        for a, b in self._pairs:
-            between = _wrap(azimuths[b][None] - azimuths[a][:, None])
-            sense = np.sign(_wrap(bases[b] - bases[a]))
-            kept[a, b] = is_apart[a, b] & ((np.abs(between) > 0.5 * np.pi) | (sense * between >= ORDER_GAP))
-        return kept
-
-    def _leave_out_heavy(
-        self, layer: int, points: list[Array], normals: list[Array], holds: dict[Pair, Bools]
-    ) -> dict[Pair, Bools]:
-        """Return which pairs hold and bear the object at rest in a pose."""
-        hand, R_WO = self._layers.hand, self._layers.poses[layer].X_WO[:3, :3]
-        wrench = compute_object_wrench(hand, None, R_WO)
-        borne: dict[Pair, Bools] = {}
-        for a, b in self._pairs:
-            i, j = np.nonzero(holds[a, b])
-            # In object axes, the same pairs with the same weight are asked once.
-            key = a, b, tuple(np.round(R_WO[2], 6)), len(points[a]), len(points[b])
-            if key not in self._borne:
-                pairs = SpotPairs(
-                    np.stack([normals[a][i], normals[b][j]], 1), np.stack([points[a][i], points[b][j]], 1)
-                )
-                used = pairs.turned(R_WO).compute_loads(hand, wrench)
-                self._borne[key] = np.zeros_like(holds[a, b])
-                self._borne[key][i, j] = used <= sure_share(hand)
-            borne[a, b] = self._borne[key] & holds[a, b]
-        return borne
 
     def _spread(
         self, layer: int, later: dict[Pair, Array], is_apart: dict[Pair, Bools], holds: dict[Pair, Bools]
@@ -238,10 +197,6 @@ class RelocationBound:
         for pair in self._pairs:
             whole[pair][grid[pair]] = found[pair]
         return whole
-
-
-def _wrap(angle: Array) -> Array:
-    return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)))
 
 
 def _between(table: dict[Pair, Bools], a: int, b: int) -> Bools:
