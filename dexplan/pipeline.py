@@ -25,7 +25,7 @@ from dexplan.builders import (  # noqa: F401 - callers find them all here
 from dexplan.control.foreign import ForeignController
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import build_reference
-from dexplan.errors import DexplanError, ProblemError
+from dexplan.errors import DexplanError
 from dexplan.planning.actions import schedule
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.search.options import SearchOptions
@@ -41,6 +41,7 @@ from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.true_world import check_world, read_recorded_world
+from dexplan.problems.unplanned import refuse_unplanned
 from dexplan.run_folder import RUN_FILES, check_replaceable, drop_told, read_model, save_problem, write_whole
 from dexplan.scene.scene import Scene
 from dexplan.sim.judge.true_world import join_world
@@ -75,13 +76,7 @@ def time_plan(problem: Problem, plan: Plan, timing: Timing | None = None) -> Pla
 def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
     """Return the plan of the room that answers the goal's kind."""
     X_WO, asked = scene.object.X_WO_home, problem.goal
-    if asked.waypoints is not None:
-        raise ProblemError(
-            problem.name,
-            "goal.waypoints",
-            f"{len(asked.waypoints)} goals in a row are read, and not planned yet",
-            "accepted: one goal, by rotation, orientation_wxyz or translation_m",
-        )
+    refuse_unplanned(problem)
     (goal,) = build_goals(problem, X_WO)
     if refusal := build_squeeze(problem, scene).refusal:
         reason = f"{refusal}; {refusal.cure}"
