@@ -25,7 +25,7 @@ from dexplan.builders import (  # noqa: F401 - callers find them all here
 from dexplan.control.foreign import ForeignController
 from dexplan.control.options import ControlOptions
 from dexplan.control.reference import build_reference
-from dexplan.errors import DexplanError, ProblemError
+from dexplan.errors import DexplanError
 from dexplan.planning.actions import schedule
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.search.options import SearchOptions
@@ -35,12 +35,16 @@ from dexplan.planning.tasks.fixed_contacts import plan_fixed_contacts
 from dexplan.planning.tasks.grasp_adjustment import plan_grasp_adjustment
 from dexplan.planning.tasks.object_manipulation import refuse
 from dexplan.planning.tasks.rolling_start import plan_object_manipulation
+from dexplan.planning.tasks.starting import Start
+from dexplan.planning.tasks.waypoints import plan_waypoints
+from dexplan.plans.goal import RotationGoal
 from dexplan.plans.plan import Plan
 from dexplan.plans.status import Status
 from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.true_world import check_world, read_recorded_world
+from dexplan.problems.unplanned import refuse_unplanned
 from dexplan.run_folder import RUN_FILES, check_replaceable, drop_told, read_model, save_problem, write_whole
 from dexplan.scene.scene import Scene
 from dexplan.sim.judge.true_world import join_world
@@ -75,14 +79,9 @@ def time_plan(problem: Problem, plan: Plan, timing: Timing | None = None) -> Pla
 def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
     """Return the plan of the room that answers the goal's kind."""
     X_WO, asked = scene.object.X_WO_home, problem.goal
-    if asked.waypoints is not None:
-        raise ProblemError(
-            problem.name,
-            "goal.waypoints",
-            f"{len(asked.waypoints)} goals in a row are read, and not planned yet",
-            "accepted: one goal, by rotation, orientation_wxyz or translation_m",
-        )
-    (goal,) = build_goals(problem, X_WO)
+    refuse_unplanned(problem)
+    goals = build_goals(problem, X_WO)
+    goal = goals[0]
     if refusal := build_squeeze(problem, scene).refusal:
         reason = f"{refusal}; {refusal.cure}"
         plan = refuse(hand, goal, Status.OBJECT_TOO_LIGHT, reason, refusal)
@@ -94,10 +93,14 @@ def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
         return replace(refuse(hand, goal, no.status, no.reason, no.refusal), goal_kind=asked.kind)
     means = (problem.gait.node_budget, problem.gait.primitives)
     options = SearchOptions(*means, build_improvement(problem))
-    if asked.contacts_deg is None and not problem.gait.primitives:
-        return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
     if asked.contacts_deg is None:
-        return plan_object_manipulation(hand, goal, start, *means, options.improvement)
+
+        def plan_one(goal: RotationGoal, start: Start) -> Plan:
+            if not problem.gait.primitives:
+                return plan_fixed_contacts(hand, goal, start, problem.gait.node_budget)
+            return plan_object_manipulation(hand, goal, start, *means, options.improvement)
+
+        return plan_one(goal, start) if len(goals) == 1 else plan_waypoints(hand, goals, start, plan_one)
     wanted = compute_contact_directions(asked.contacts_deg)
     if asked.kind == "grasp_adjustment":
         return plan_grasp_adjustment(hand, X_WO, start, wanted, options, asked.keep_object)

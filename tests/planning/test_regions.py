@@ -17,7 +17,7 @@ from dexplan.grasp.closure import check_antipodal
 from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin
 from dexplan.kinematics.workspace import compute_aligned_pose, spread_directions
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.admissible.order import keeps_order
+from dexplan.planning.admissible.order import keep_order, keeps_order
 from dexplan.planning.regions.regions import Regions, compute_regions
 from dexplan.scene.description import ContactCone
 from dexplan.spatial import Array, direction_from_angles, make_pose, rotate_about
@@ -292,3 +292,12 @@ def test_order_is_that_of_the_bases(hand: HandModel) -> None:
     assert keeps_order(hand, at(-60.0, 100.0, 200.0))
     assert not keeps_order(hand, at(0.0, 240.0, 120.0))
     assert not keeps_order(hand, at(70.0, 50.0, 240.0))
+
+
+def test_order_of_many_at_once(hand: HandModel) -> None:
+    rng = np.random.default_rng(3)
+    many, fixed = rng.normal(size=(200, 3)), rng.normal(size=(2, 3))
+    one_by_one = [keeps_order(hand, {0: fixed[0], 1: fixed[1], 2: n}) for n in many]
+    assert 0 < sum(one_by_one) < len(many)
+    np.testing.assert_array_equal(keep_order(hand, {0: fixed[0], 1: fixed[1], 2: many}), one_by_one)
+    assert keep_order(hand, {0: fixed[0], 2: many}).all()

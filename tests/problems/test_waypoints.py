@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dexplan import pipeline
 from dexplan.builders import build_goals
 from dexplan.errors import ProblemError
 from dexplan.problems.problem import Problem
@@ -46,13 +45,6 @@ def test_one_goal_is_a_row_of_one() -> None:
     assert "waypoints" not in problem.as_dict()["goal"]
     (goal,) = build_goals(problem, np.eye(4))
     np.testing.assert_allclose(goal.X_WO_goal[:3, 3], [0.0, 0.0, 0.01])
-
-
-def test_rows_are_not_planned_as_if_they_were_their_first_goal() -> None:
-    with pytest.raises(
-        ProblemError, match=r"goal.waypoints: 2 goals in a row are read, and not planned yet; accepted: one"
-    ):
-        pipeline.plan(read({"waypoints": [TILT, BACK]}))
 
 
 @pytest.mark.parametrize(

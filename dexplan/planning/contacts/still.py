@@ -25,7 +25,7 @@ from dexplan.planning.admissible.admissibility import (
 )
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
-from dexplan.planning.admissible.order import keeps_order
+from dexplan.planning.admissible.order import keep_order, keeps_order
 from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.contacts.spins import center_spins
 from dexplan.planning.ways.detour import Surroundings
@@ -249,9 +249,8 @@ class StillContacts:
                 radii = self.hand.fingers[finger].tip_radius + self.hand.fingers[other].tip_radius
                 gaps = np.linalg.norm(tips - self._states[spot].X_WF[:3, 3], axis=1) - radii
                 has_room &= gaps >= self.hand.limits.clearance
-        for k in np.flatnonzero(has_room).tolist():
-            has_room[k] = self._keeps_order(change_stand(stand, finger, spots[k]))
-        return has_room
+        others = self._list_directions(change_stand(stand, finger, None))
+        return has_room & keep_order(self.hand, {**others, finger: tips - self.X_WO[:3, 3]})
 
     def get_direction(self, spot: int) -> Array:
         """Return in which direction (3,) in W the tip at a spot is from the object's origin: on a ball the normal."""
@@ -299,9 +298,13 @@ class StillContacts:
         return self._margins[stand]
 
     def _keeps_order(self, stand: Stand) -> bool:
+        return keeps_order(self.hand, self._list_directions(stand))
+
+    def _list_directions(self, stand: Stand) -> dict[int, Array]:
+        """Return in which direction (3,) in W each tip is from the object's origin, those of free fingers at home."""
         directions = {f: p - self.X_WO[:3, 3] for f, p in enumerate(self.hand.p_WF_home)}
         directions.update({f: self.get_direction(s) for f, s in enumerate(stand) if s is not None})
-        return keeps_order(self.hand, directions)
+        return directions
 
     def find_change(self, before: Stand, after: Stand) -> Way:
         """Return the way of the one finger by which two stands differ; it touches in one of them only."""

@@ -6,6 +6,7 @@
 ``grasp_adjustment``       ``plan_grasp_adjustment``: goal contacts, whatever the pose [paper §1 (2)]
 ``dextrous_manipulation``  ``plan_dextrous_manipulation``: both, in three orders [paper §1 (3)]
 ``starting``               ``Start``: the contacts that a problem begins with
+``waypoints``              ``plan_waypoints``: several goals in a row, from grasp to grasp
 ``fixed_contacts``         ``plan_fixed_contacts``: no finger leaves its contact
 ``rolling_fingers``        ``plan_rolling``: fingers of three joints and more, whose contacts roll
 =========================  ==========================================================================
@@ -36,4 +37,5 @@ __all__ = [
     "rolling_fingers",
     "rolling_start",
     "starting",
+    "waypoints",
 ]

@@ -51,7 +51,7 @@ def plan_rotation_on_sites(hand: HandModel, goal: RotationGoal, start: Start, no
         # One route more has its turn every time; each goes on where it stopped.
         if turn < len(tracks):
             first = tracks[turn].motions[0]
-            contacts = landed and tuple(None if c is None else center_spin(hand, c, first) for c in landed)
+            contacts = landed and _center_spins(hand, landed, start, first)
             begun.append(SiteGait(hand, admissibility, tracks[turn], contacts))
             if not begun[0].has_start:
                 return _refuse_every_start(hand, goal, admissibility)
@@ -72,6 +72,17 @@ def plan_rotation_on_sites(hand: HandModel, goal: RotationGoal, start: Start, no
 
 def _as_motion(leg: Leg) -> ObjectMotion:
     return ObjectMotion(leg.X_WO_start, leg.axis_W, leg.angle, leg.shift_W)
+
+
+def _center_spins(
+    hand: HandModel, landed: Contacts, start: Start, motion: ObjectMotion
+) -> tuple[Placement | None, ...]:
+    """Return the start contacts with their spins chosen for the first ``motion``; a tip that stands there already stays."""
+    given = (None,) * len(landed) if start is None else start
+    return tuple(
+        c if c is None or isinstance(one, Placement) else center_spin(hand, c, motion)
+        for c, one in zip(landed, given, strict=True)
+    )
 
 
 def _build(hand: HandModel, goal: RotationGoal, found: FoundGait, opened: int) -> Plan:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +20,7 @@ from dexplan.sim.judge.checks_case import (
     judge_count,
     judge_worst,
 )
+from dexplan.sim.judge.goals import compute_goal_poses, find_moments
 from dexplan.spatial import Array, angles_from_direction, direction_from_angles
 
 MM = 1e3
@@ -166,17 +168,36 @@ def check_rotation_error_max(case: Case) -> CheckResult:
 
 
 def check_position_error_final(case: Case) -> CheckResult:
-    """Distance of the object's centre from the problem's goal at the end."""
-    miss = np.linalg.norm(case.replay.object_pose[-1:, :3] - compute_goal_pose(case)[:3], axis=1) * MM
-    limit = case.limit("position_error_final_mm")
-    return judge_worst("position_error_final", Series(miss, case.replay.time[-1:]), limit, "mm")
+    """Distance of the object's centre from the problem's goal at the end; with waypoints the worst of them, each at its hold."""
+    return _judge_goals(
+        case, "position_error_final", "mm", lambda pose, goal: _distance_between(pose, goal) * MM
+    )
 
 
 def check_rotation_error_final(case: Case) -> CheckResult:
-    """Angle between the object and the problem's goal at the end."""
-    miss = np.degrees(_angle_between(case.replay.object_pose[-1:], compute_goal_pose(case)[None]))
-    limit = case.limit("rotation_error_final_deg")
-    return judge_worst("rotation_error_final", Series(miss, case.replay.time[-1:]), limit, "deg")
+    """Angle between the object and the problem's goal at the end; with waypoints the worst of them, each at its hold."""
+    return _judge_goals(
+        case, "rotation_error_final", "deg", lambda pose, goal: np.degrees(_angle_between(pose, goal))
+    )
+
+
+def _judge_goals(case: Case, name: str, unit: str, measure: Callable[[Array, Array], Array]) -> CheckResult:
+    """Judge how far the object is from what the problem asks for, by ``measure`` of poses (1, 7), where it is farthest."""
+    goals, limit = compute_goal_poses(case), case.limit(f"{name}_{unit}")
+    results = []
+    for k, (goal, at) in enumerate(zip(goals, find_moments(case), strict=True), start=1):
+        here = slice(0, 0) if at is None else slice(at, at + 1)
+        miss = measure(case.replay.object_pose[here], goal[None])
+        note = f"waypoint {k} of {len(goals)}" if len(goals) > 1 else ""
+        note += " is marked by no hold" if note and at is None else ""
+        results.append(judge_worst(name, Series(miss, case.replay.time[here]), limit, unit, note))
+    return max(results, key=lambda result: np.inf if result.value is None else result.value)
+
+
+def _distance_between(a: Array, b: Array) -> Array:
+    """Return the distances (N,) [m] between the positions of poses (N, 7) and (1, 7)."""
+    distances: Array = np.linalg.norm(a[:, :3] - b[:, :3], axis=1)
+    return distances
 
 
 def check_turned_angle(case: Case) -> CheckResult:
@@ -216,22 +237,6 @@ def check_contact_error_final(case: Case) -> CheckResult:
     return judge(name, worst, limit, "deg", float(case.replay.time[-1]), "; ".join(note))
 
 
-def compute_goal_pose(case: Case) -> Array:
-    """Return the goal (7,) that the problem asks for, from the model's home pose; the plan has no say."""
-    goal, home = case.problem["goal"], case.replay.world.home_pose
-    attitude = _rotations(home[None])[0]
-    if goal.get("rotation"):
-        axis = np.asarray(goal["rotation"]["axis"], dtype=np.float64)
-        turn = np.radians(float(goal["rotation"]["angle_deg"]))
-        attitude = Rotation.from_rotvec(turn * axis / np.linalg.norm(axis)) * attitude
-    elif goal.get("orientation_wxyz"):
-        attitude = Rotation.from_quat(
-            np.asarray(goal["orientation_wxyz"], dtype=np.float64), scalar_first=True
-        )
-    position = home[:3] + np.asarray(goal.get("translation_m", (0.0, 0.0, 0.0)), dtype=np.float64)
-    return np.concatenate([position, attitude.as_quat(scalar_first=True)])
-
-
 def compute_twist(turns: Rotation, axis: Any) -> Array:
     """Return the unwrapped angle (T,) [rad] of each rotation about the world ``axis``, the first within half
     a turn.
@@ -262,7 +267,9 @@ def _reference_misses(case: Case) -> tuple[Array, Array]:
     goal = case.problem["goal"]
     if goal["kind"] != "grasp_adjustment" or goal.get("keep_object"):
         # A grasp adjustment may leave the object where the plan says.
-        compare(slice(-1, None), compute_goal_pose(case))
+        for pose, at in zip(compute_goal_poses(case), find_moments(case), strict=True):
+            if at is not None:
+                compare(slice(at, at + 1), pose)
     action_of = np.array([a for a, _ in case.phases] + [-1])[case.claimed_phase]
     for a, action in enumerate(case.plan["actions"]):
         start, end = np.asarray(action["object_pose_start"]), np.asarray(action["object_pose_end"])

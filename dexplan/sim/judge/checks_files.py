@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexplan.sim.judge.checks import as_direction, compute_goal_pose
+from dexplan.sim.judge.checks import as_direction
 from dexplan.sim.judge.checks_case import Case, CheckResult, judge
+from dexplan.sim.judge.goals import compute_goal_pose, find_marks
 from dexplan.sim.judge.groups import OWN_COLUMNS
 from dexplan.spatial import Array
 
@@ -61,6 +62,10 @@ def _find_in_goal(case: Case) -> Iterator[str]:
         goal["object_pose"], compute_goal_pose(case)
     ):
         yield "the plan's goal pose is not the problem's"
+    marks = find_marks(case)
+    for k, mark in enumerate(marks, start=1):
+        if mark is None:
+            yield f"the plan holds nowhere at waypoint {k} of {len(marks) + 1}"
     rotation, turned = asked.get("rotation"), goal.get("turned_angle_deg")
     if rotation and turned is not None:
         angle = float(rotation["angle_deg"])
