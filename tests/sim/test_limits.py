@@ -37,6 +37,7 @@ def test_names_are_limits() -> None:
     assert set(INTEGRITY) <= set(load_default_limits())
     assert {name for name in FREE if is_floor(name)} == {
         "creep_moving_speed_deg_s",
+        "edge_distance_min_mm",
         "episode_gap_s",
         "force_cone_margin_min",
         "free_finger_clearance_min_mm",
