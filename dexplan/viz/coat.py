@@ -34,26 +34,10 @@ LETTER_SIZE = 80
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """A part of the mesh: corners (V, 3) [m], outward ``normals`` (V, 3), ``triangles`` (T, 3), places (V, 2) in the unit square
-    of its picture, from the upper left corner, and that picture (n, n, 3).
-    """
-
-    corners: Array
-    normals: Array
-    triangles: NDArray[np.intp]
-    places: Array
-    picture: NDArray[np.uint8]
-
-    __repr__ = brief_repr
-
-    def __post_init__(self) -> None:
-        lock_arrays(self)
-
-
-@dataclass(frozen=True, eq=False)
 class Coat:
-    """All pieces as one mesh, and one square picture (n, n, 3)."""
+    """The mesh of a body, or of a part of it: corners (V, 3) [m], outward ``normals`` (V, 3), ``triangles`` (T, 3), places (V, 2)
+    in the unit square of its picture, from the upper left corner, and that picture (n, n, 3).
+    """
 
     corners: Array
     normals: Array
@@ -81,7 +65,7 @@ def build_coat(body: ConvexBody) -> Coat:
     return _sew(pieces, columns, cell)
 
 
-def _sew(pieces: Sequence[Piece], columns: int, cell: int) -> Coat:
+def _sew(pieces: Sequence[Coat], columns: int, cell: int) -> Coat:
     side = columns * cell
     picture = np.zeros((side, side, 3), dtype=np.uint8)
     places, triangles, first = [], [], 0
@@ -132,7 +116,7 @@ def find_outline(body: ConvexBody, k: int) -> Array:
     return np.asarray(corners[ConvexHull(flat_2d).vertices])
 
 
-def _cover_flat(body: ConvexBody, k: int, outline: Array, text: str, cell: int) -> Piece:
+def _cover_flat(body: ConvexBody, k: int, outline: Array, text: str, cell: int) -> Coat:
     flat: Flat = body.flats[k]
     axes = build_frame(flat.normal)
     plane = (outline - flat.center) @ axes[:, :2]
@@ -146,7 +130,7 @@ def _cover_flat(body: ConvexBody, k: int, outline: Array, text: str, cell: int) 
     fan = np.arange(1, len(outline) - 1)
     triangles = np.stack([0 * fan, fan, fan + 1], axis=1)
     normals = np.broadcast_to(flat.normal, outline.shape)
-    return Piece(outline, normals, triangles, (plane - low) / span, _as_texels(colors))
+    return Coat(outline, normals, triangles, (plane - low) / span, _as_texels(colors))
 
 
 def _paint_letter(text: str) -> Array:
@@ -187,7 +171,7 @@ def _list_profiles(body: ConvexBody) -> list[_Profile]:
     return [_Profile(np.vstack([half[::-1] * [1.0, -1.0], half]))]
 
 
-def _cover_round(body: ConvexBody, profile: _Profile, cell: int) -> Piece:
+def _cover_round(body: ConvexBody, profile: _Profile, cell: int) -> Coat:
     line = profile.line
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     share = lengths / lengths[-1]
@@ -225,7 +209,7 @@ def _cover_round(body: ConvexBody, profile: _Profile, cell: int) -> Piece:
     # Half a hair inside the rows of a sharp rim, whose corners belong to two faces.
     normals = body.normal_at(corners * [1.0, 1.0, 1.0 - 1e-3])
     places = np.stack([turns.ravel(), 1.0 - levels.ravel()], axis=1)
-    return Piece(corners, normals, triangles, places, _as_texels(colors))
+    return Coat(corners, normals, triangles, places, _as_texels(colors))
 
 
 def _as_texels(colors: Array) -> NDArray[np.uint8]:

@@ -18,7 +18,7 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.regions.regions import Regions, compute_regions
 from dexplan.plans.refusal import RefusalCount
-from dexplan.spatial import Array, angles_from_direction, direction_from_angles
+from dexplan.spatial import Array, angles_from_direction, direction_from_angles, lock_arrays
 
 STATION_DEG = 6.0
 """Spacing of the placements on the equator whose loads are computed."""
@@ -109,19 +109,47 @@ def _compute_pair(
     rows = rows[np.argsort(angles[tuple(rows.T)], kind="stable")]
     if len(rows) > PLACEMENTS:
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, PLACEMENTS).round().astype(int))]
+    judged = judge_placements(hand, judge, pair, np.stack([q_i[rows[:, 0]], q_j[rows[:, 1]]], axis=1))
+    return PairLoads(
+        fingers=pair,
+        angle=angles[tuple(rows.T)],
+        load=judged.load,
+        torque=judged.torque,
+        is_admissible=judged.is_admissible,
+        refusals=judged.refusals,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What N placements of a pair leave to spare: ``load`` and ``torque`` (N,), NaN where there are no forces, whether each
+    ``is_admissible`` (N,), and how often each refusal was met.
+    """
+
+    load: Array
+    torque: Array
+    is_admissible: NDArray[np.bool_]
+    refusals: dict[str, int]
+
+    __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
+
+
+def judge_placements(hand: HandModel, judge: Admissibility, pair: tuple[int, int], postures: Array) -> Judged:
+    """Return the judgement of placements of two fingers with ``postures`` (N, 2, J) [rad], the object and all others at home."""
     margins, refusals = [], RefusalCount()
-    for a, b in rows:
+    for both in postures:
         q = hand.q_home.copy()
-        q[pair[0]], q[pair[1]] = q_i[a], q_j[b]
+        q[list(pair)] = both
         margins.append(m := judge.compute_margins(q, hand.object.X_WO_home, pair))
         if m.refusal is not None:
             refusals.add(m.refusal)
     load, torque = np.array([(m.load, m.torque) for m in margins]).reshape(-1, 2).T
-    return PairLoads(
-        fingers=pair,
-        angle=angles[tuple(rows.T)],
-        load=np.where(np.isfinite(load), load, np.nan),
-        torque=np.where(np.isfinite(torque), torque, np.nan),
-        is_admissible=np.array([m.is_admissible for m in margins], dtype=bool),
-        refusals={str(r.without_numbers): count for r, count in refusals.counts},
+    return Judged(
+        np.where(np.isfinite(load), load, np.nan),
+        np.where(np.isfinite(torque), torque, np.nan),
+        np.array([m.is_admissible for m in margins], dtype=bool),
+        {str(r.without_numbers): count for r, count in refusals.counts},
     )

@@ -20,8 +20,8 @@ from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.contacts.still import build_landings, list_sites
-from dexplan.plans.refusal import RefusalCount
 from dexplan.spatial import Array, lock_arrays
+from dexplan.viz.reach import judge_placements
 
 Flags = NDArray[np.bool_]
 
@@ -151,21 +151,14 @@ def _compute_pair(
     rows = rows[np.argsort(lean[tuple(rows.T)], kind="stable")]
     if len(rows) > PLACEMENTS:
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, PLACEMENTS).round().astype(int))]
-    margins, refusals = [], RefusalCount()
-    for a, b in rows:
-        q = hand.q_home.copy()
-        q[pair[0]], q[pair[1]] = q_i[a], q_j[b]
-        margins.append(m := judge.compute_margins(q, hand.object.X_WO_home, pair))
-        if m.refusal is not None:
-            refusals.add(m.refusal)
-    load, torque = np.array([(m.load, m.torque) for m in margins]).reshape(-1, 2).T
+    judged = judge_placements(hand, judge, pair, np.stack([q_i[rows[:, 0]], q_j[rows[:, 1]]], axis=1))
     return SitePair(
         fingers=pair,
         holds=np.stack([is_held.any(axis=1), is_held.any(axis=0)]),
         count=int(is_held.sum()),
         lean=lean[tuple(rows.T)],
-        load=np.where(np.isfinite(load), load, np.nan),
-        torque=np.where(np.isfinite(torque), torque, np.nan),
-        is_admissible=np.array([m.is_admissible for m in margins], dtype=bool),
-        refusals={str(r.without_numbers): count for r, count in refusals.counts},
+        load=judged.load,
+        torque=judged.torque,
+        is_admissible=judged.is_admissible,
+        refusals=judged.refusals,
     )

@@ -16,13 +16,14 @@ from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.kinematics.arcs import build_travel, compute_hover
 from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
-from dexplan.kinematics.workspace import compute_aligned_pose, spread_directions
+from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,
     Margins,
     compute_finger_states,
 )
+from dexplan.planning.admissible.aligned import build_touching
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.admissible.order import keep_order, keeps_order
@@ -97,9 +98,7 @@ def build_landings(
     chain, workspace = description.chain, hand.workspaces[finger]
     if not len(workspace.postures) or not len(normals_O):
         return [None] * len(normals_O)
-    normals_W = normals_O @ X_WO[:3, :3].T
-    X_WF = compute_aligned_pose(X_WO[:3, 3], normals_W, description.tip_radius)
-    X_WF[:, :3, 3] += points_O @ X_WO[:3, :3].T
+    X_WF = build_touching(hand, finger, X_WO, points_O, normals_O)
     if tilt:
         X_WF[:, :3, :3] = rotate_about(VERTICAL, tilt) @ X_WF[:, :3, :3]
     q, reached = solve_tip_pose(workspace, X_WF)

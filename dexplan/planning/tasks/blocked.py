@@ -9,7 +9,7 @@ import numpy as np
 
 from dexplan.errors import spell_apart
 from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
-from dexplan.planning.admissible.aligned import build_aligned
+from dexplan.planning.admissible.aligned import build_touching
 from dexplan.planning.admissible.conditions import Condition, find_unmet, refuse_locked_joint, refuse_nearness
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.lone_clearance import list_others
@@ -20,10 +20,11 @@ from dexplan.plans.goal import RotationGoal
 from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.plans.status import Status
 from dexplan.scene.description import STANDING, Nearness
-from dexplan.spatial import Array, make_pose
+from dexplan.spatial import Array
 
 StartContact = Array | Placement
-"""An outward normal (3,) in W, a tip pose X_OF (4, 4) in the object frame, or the placement with which a finger came there."""
+"""A direction (3,) in W from the object's origin, on a ball the outward normal; a tip pose X_OF (4, 4) in the object frame; or
+the placement with which a finger came there."""
 
 
 def find_obstruction(hand: HandModel, waiting: tuple[int, ...] | None = None) -> No | None:
@@ -73,15 +74,17 @@ def _suggest_cure_of_overlap(overlap: Nearness) -> str:
 
 
 def refuse_contact(
-    hand: HandModel, finger: int, center: Array, normal: Array, X_WF: Array | None = None
+    hand: HandModel, finger: int, X_WO: Array, direction: Array, X_WF: Array | None = None
 ) -> Refusal | None:
-    """Return why a finger cannot touch along ``normal`` (3,) in W, wherever the others are; None where it alone can.
+    """Return why a finger cannot touch the object at ``X_WO`` (4, 4), wherever the others are; None where it alone can.
 
-    The object is at ``center`` (3,) [m]; ``X_WF`` (4, 4) is the tip's whole pose where that is given.
+    It touches where the ray along ``direction`` (3,) in W leaves the body; ``X_WF`` (4, 4) is the tip's whole pose where that
+    is given.
     """
     limits, description = hand.limits, hand.fingers[finger]
     chain, workspace = description.chain, hand.workspaces[finger]
-    X = build_aligned(hand, finger, center, normal[None]) if X_WF is None else X_WF[None]
+    point_O, normal_O = find_start_point(hand, X_WO, direction)
+    X = build_touching(hand, finger, X_WO, point_O[None], normal_O[None]) if X_WF is None else X_WF[None]
     if len(workspace.postures):
         solved, reached = solve_tip_pose(workspace, X, counts_spin=X_WF is not None)
     if not len(workspace.postures) or not reached[0]:
@@ -107,7 +110,7 @@ def refuse_contact(
         return Refusal(RefusalKind.SINGULAR, (description.name,), words=words)
     posture = hand.q_home.copy()
     posture[finger] = q
-    nearest = hand.probe.find_nearest(posture, make_pose(p=center), (finger,), list_others(hand, finger))
+    nearest = hand.probe.find_nearest(posture, X_WO, (finger,), list_others(hand, finger))
     if nearest.distance < limits.clearance:
         gaps = spell_apart(1e3 * nearest.distance, 1e3 * limits.clearance)
         words = f"{nearest.names} would come within {gaps[0]} mm, and {gaps[1]} mm have to be left"
@@ -119,7 +122,7 @@ def refuse_start_contact(hand: HandModel, X_WO: Array, finger: int, given: Start
     """Return the answer to a start contact which its finger cannot hold, whatever the others do."""
     pose = given.X_OF if isinstance(given, Placement) else given
     X_WF = X_WO @ pose if pose.shape == (4, 4) else None
-    refusal = refuse_contact(hand, finger, X_WO[:3, 3], find_start_normal(X_WO, given), X_WF)
+    refusal = refuse_contact(hand, finger, X_WO, find_start_direction(X_WO, given), X_WF)
     name = hand.fingers[finger].name
     if refusal is None:
         # Whatever the others do, one state alone is held: it is the way on from there that its joints do not give.
@@ -138,8 +141,17 @@ def refuse_start_contact(hand: HandModel, X_WO: Array, finger: int, given: Start
     return No(status, reason, replace(refusal, cure=Cure(cure)))
 
 
-def find_start_normal(X_WO: Array, given: StartContact) -> Array:
-    """Return the outward normal (3,) in W of a start contact."""
+def find_start_point(hand: HandModel, X_WO: Array, direction: Array) -> tuple[Array, Array]:
+    """Return where the ray from the object's origin along ``direction`` (3,) in W leaves the body (3,) [m], and the outward
+    normal (3,) there, both in O.
+    """
+    body = hand.object.body
+    point = body.radial(X_WO[:3, :3].T @ direction)
+    return point, body.normal_at(point)
+
+
+def find_start_direction(X_WO: Array, given: StartContact) -> Array:
+    """Return the direction (3,) in W of a start contact from the object's origin: on a ball its outward normal."""
     pose = given.X_OF if isinstance(given, Placement) else given
     arm = X_WO[:3, :3] @ pose[:3, 3] if pose.shape == (4, 4) else pose
     return np.asarray(arm / np.linalg.norm(arm))
@@ -151,6 +163,6 @@ def may_hold_at(hand: HandModel, goal: RotationGoal, start: tuple[StartContact |
     turn = X_WO[:3, :3] @ goal.X_WO_start[:3, :3].T
     for finger, given in enumerate(start or ()):
         if given is not None:
-            normal = turn @ find_start_normal(goal.X_WO_start, given)
-            reached += refuse_contact(hand, finger, X_WO[:3, 3], normal) is None
+            direction = turn @ find_start_direction(goal.X_WO_start, given)
+            reached += refuse_contact(hand, finger, X_WO, direction) is None
     return reached > 1

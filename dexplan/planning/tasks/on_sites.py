@@ -8,17 +8,24 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import count
 
+import numpy as np
+
 from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.joining import build_move_actions, enclose
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.legs import Leg
-from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.contacts.still import Stand, StillContacts, build_landings
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.regrasp.any_grip import FoundGait, SiteGait
-from dexplan.planning.tasks.blocked import StartContact, find_start_normal, refuse_start_contact
+from dexplan.planning.tasks.blocked import (
+    StartContact,
+    find_start_direction,
+    find_start_point,
+    refuse_start_contact,
+)
 from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import refuse
 from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
@@ -27,7 +34,7 @@ from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
-from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.plans.status import Status
 
 STRETCH = 20
@@ -41,7 +48,7 @@ def plan_rotation_on_sites(hand: HandModel, goal: RotationGoal, start: Start, no
     of those that refuse a start.
     """
     admissibility = Admissibility(hand)
-    landed = None if start is None else _land_start(hand, goal, start)
+    landed = None if start is None else _land_start(hand, admissibility, goal, start)
     if isinstance(landed, No):
         return refuse(hand, goal, landed.status, landed.reason, landed.refusal)
     tracks = [Track(tuple(map(_as_motion, route))) for route in build_routes(goal)]
@@ -106,17 +113,35 @@ def _refuse_every_start(hand: HandModel, goal: RotationGoal, admissibility: Admi
     return refuse(hand, goal, Status.NO_FORCE_CLOSURE_PAIR, reason, refusal)
 
 
-def _land_start(hand: HandModel, goal: RotationGoal, start: tuple[StartContact | None, ...]) -> Contacts | No:
-    """Return the start contacts, or why they cannot be made."""
-    X_WO, body = goal.X_WO_start, hand.object.body
+def _land_start(
+    hand: HandModel,
+    admissibility: Admissibility,
+    goal: RotationGoal,
+    start: tuple[StartContact | None, ...],
+) -> Contacts | No:
+    """Return the start contacts, or why they cannot be made or do not hold."""
+    X_WO = goal.X_WO_start
     contacts: list[Placement | None] = []
     for finger, given in enumerate(start):
         if given is None or isinstance(given, Placement):
             contacts.append(given)
             continue
-        point_O = body.radial(X_WO[:3, :3].T @ find_start_normal(X_WO, given))
-        landed = build_landings(hand, X_WO, finger, body.normal_at(point_O)[None], point_O[None])[0]
+        point_O, normal_O = find_start_point(hand, X_WO, find_start_direction(X_WO, given))
+        landed = build_landings(hand, X_WO, finger, normal_O[None], point_O[None])[0]
         if landed is None:
             return refuse_start_contact(hand, X_WO, finger, given)
         contacts.append(landed)
-    return tuple(contacts)
+    still = StillContacts(hand, X_WO, admissibility)
+    stand = tuple(None if c is None else still.add(c) for c in contacts)
+    refusal = still.judge(stand).refusal
+    return tuple(contacts) if refusal is None else _refuse_start_grasp(still, stand, refusal)
+
+
+def _refuse_start_grasp(still: StillContacts, stand: Stand, refusal: Refusal) -> No:
+    """Return the answer to start contacts within reach that do not hold the object."""
+    apart, cure = "", 'move them nearer to opposite, or set start.contacts_deg = "auto"'
+    if not still.has_pair(stand):
+        most = np.degrees(still.lean_max)
+        apart = f", and no line between two of them leaves both normals by less than {most:.1f} deg"
+    reason = f"the start contacts do not hold the object: {refusal}{apart}; {cure}"
+    return No(Status.START_INADMISSIBLE, reason, replace(refusal, cure=Cure(cure)))
