@@ -407,4 +407,5 @@ def test_shipped_bodies_are_scenes_with_room_for_contacts(source: str | Path, tm
 def test_the_built_in_mesh_is_the_one_of_the_example() -> None:
     built_in = load_problem("mesh_turn").object.shape
     from_file = load_problem(str(EXAMPLES[0])).object.shape
-    assert sorted(built_in.vertices_m) == sorted(from_file.vertices_m)
+    # Read from a file, corners are rounded once more, to a nanometre about the centroid.
+    assert np.allclose(sorted(built_in.vertices_m), sorted(from_file.vertices_m), atol=5e-9)
