@@ -109,7 +109,9 @@ class Layers:
             pairs = still.pair_with(finger, partner).turned(turn)
             home = self.hand.p_WF_home[finger] - last.X_WO[:3, 3]
             wrench = compute_object_wrench(self.hand, None, last.X_WO[:3, :3])
-            later = np.minimum(pairs.compute_loads(self.hand, wrench), 1.0)
+            holds_now = np.isfinite(now)
+            later = np.ones(len(now))
+            later[holds_now] = np.minimum(pairs.take(holds_now).compute_loads(self.hand, wrench), 1.0)
             later = np.where(pairs.normals[:, 1] @ home > 0.3 * np.linalg.norm(home), later, 1.0)
             self._promises[key] = now + later
         return self._promises[key]

@@ -23,7 +23,7 @@ def list_pairs(still: StillContacts) -> list[Stand]:
         one, two = still.landings(a), still.landings(b)
         if not one or not two:
             continue
-        loads = np.stack([still.loads(a, partner) for partner in two], axis=1)
+        loads = still.list_loads(a, b)
         rows, columns = np.nonzero(loads <= still.hand.limits.cone_share)
         order = np.argsort(loads[rows, columns], kind="stable")
         # The best of all, and a spread of the others: what holds best may lie at the end of every finger's way.

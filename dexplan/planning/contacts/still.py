@@ -151,6 +151,10 @@ class SpotPairs:
         """Return the pairs turned by R (3, 3) about the object's origin."""
         return SpotPairs(self.normals @ R.T, self.arms @ R.T)
 
+    def take(self, rows: NDArray[np.bool_]) -> SpotPairs:
+        """Return those pairs that ``rows`` (N,) names."""
+        return SpotPairs(self.normals[rows], self.arms[rows])
+
 
 @dataclass(eq=False)
 class StillContacts:
@@ -221,11 +225,35 @@ class StillContacts:
         """Return which share of the believed cone it takes to hold with ``partner`` and each of the landings of a finger."""
         key = finger, partner
         if key not in self._loads:
-            pairs = self.pair_with(finger, partner)
-            wrench = compute_object_wrench(self.hand, None, self.X_WO[:3, :3])
-            used = pairs.compute_loads(self.hand, wrench)
-            self._loads[key] = np.where(pairs.leans < self.lean_max, used, np.inf)
+            self._loads[key] = self._compute_loads(self.pair_with(finger, partner))
         return self._loads[key]
+
+    def list_loads(self, a: int, b: int) -> Array:
+        """Return which share of the believed cone it takes to hold with landings of two fingers, (N, M) for all of both."""
+        # Landings at one place differ in their tip poses alone, which the load does not ask for.
+        (n_a, p_a, which_a), (n_b, p_b, which_b) = (self._list_places(self.landings(f)) for f in (a, b))
+        shape = len(n_a), len(n_b), 3
+        pairs = SpotPairs(
+            *(
+                np.stack([np.broadcast_to(u[:, None], shape), np.broadcast_to(v, shape)], axis=2).reshape(-1, 2, 3)
+                for u, v in ((n_a, n_b), (p_a, p_b))
+            )
+        )
+        return self._compute_loads(pairs).reshape(shape[:2])[np.ix_(which_a, which_b)]
+
+    def _list_places(self, spots: list[int]) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Return normals and arms (N, 3) in W of the places at which spots are, and which place each spot has."""
+        rows = np.array([[*self._normals[s], *self._arms[s]] for s in spots]).reshape(-1, 6)
+        places, which = np.unique(rows, axis=0, return_inverse=True)
+        return places[:, :3], places[:, 3:], which.reshape(-1)
+
+    def _compute_loads(self, pairs: SpotPairs) -> Array:
+        """Return which share (N,) of the believed cone pairs use; inf where they are not force closed with a margin."""
+        wrench = compute_object_wrench(self.hand, None, self.X_WO[:3, :3])
+        closed = pairs.leans < self.lean_max
+        used = np.full(len(closed), np.inf)
+        used[closed] = pairs.take(closed).compute_loads(self.hand, wrench)
+        return used
 
     def pair_with(self, finger: int, partner: int) -> SpotPairs:
         """Return the pairs of ``partner`` with each of the landings of a finger."""

@@ -44,6 +44,7 @@ class RelocationBound:
         self._distances: list[dict[Pair, Array]] = [{} for _ in layers.poses]
         self._stale = layers.last
         self._burden = Burden(layers.hand)
+        self._besides: dict[tuple[int, ...], dict[Pair, Bools]] = {}
         for layer, still in enumerate(layers.poses):
             for finger in range(self._count):
                 for spot in still.landings(finger):
@@ -154,7 +155,10 @@ class RelocationBound:
             beside, bear = is_apart, holds
             if layers.looks_ahead:
                 R_WO = layers.poses[layer].X_WO[:3, :3]
-                beside = keep_order_of_pairs(hand, R_WO, centers, is_apart)
+                key = layer, *map(len, centers)
+                if key not in self._besides:
+                    self._besides[key] = keep_order_of_pairs(hand, R_WO, centers, is_apart)
+                beside = self._besides[key]
                 bear = self._burden.keep_bearing(R_WO, points, normals, holds)
             later = self._distances[layer] = self._spread(layer, later, beside, bear)
         self._stale = -1
@@ -188,7 +192,7 @@ class RelocationBound:
                 for c in (f for f in range(self._count) if f not in (a, b)):
                     # The third tip has room beside both; then one of the two can go.
                     for stays, goes, rows in ((a, b, here), (b, a, here.T)):
-                        new = (rows @ _between(apart, goes, c)) & _between(apart, stays, c)
+                        new = _any_between(rows, _between(apart, goes, c)) & _between(apart, stays, c)
                         pair, new = ((stays, c), new) if stays < c else ((c, stays), new.T)
                         there = found[pair]
                         there[new & free[pair] & (there > step + 1.0)] = step + 1.0
@@ -197,6 +201,11 @@ class RelocationBound:
         for pair in self._pairs:
             whole[pair][grid[pair]] = found[pair]
         return whole
+
+
+def _any_between(one: Bools, two: Bools) -> Bools:
+    """Return the product of two tables of bools; in floats, for which there are fast products, and whose counts are exact."""
+    return np.asarray(one.astype(np.float32) @ two.astype(np.float32) > 0.5)
 
 
 def _between(table: dict[Pair, Bools], a: int, b: int) -> Bools:
