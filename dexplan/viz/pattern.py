@@ -12,9 +12,9 @@ import numpy as np
 
 from dexplan.contact.bodies.body import ConvexBody, Flat
 from dexplan.contact.bodies.polyhedron import PolyhedronBody
+from dexplan.contact.bodies.sites import EDGE_BAND
 from dexplan.contact.bodies.smooth import BallBody
 from dexplan.icosphere import build_icosphere
-from dexplan.planning.contacts.still import EDGE_BAND
 from dexplan.spatial import Array, rotate_about
 from dexplan.viz.skins import GRID, IVORY, SHADE, STRIPE
 

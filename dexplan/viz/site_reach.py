@@ -19,7 +19,7 @@ from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
-from dexplan.planning.contacts.still import build_landings, list_sites
+from dexplan.planning.contacts.landings import build_landings, list_sites
 from dexplan.spatial import Array, lock_arrays
 from dexplan.viz.reach import judge_placements
 

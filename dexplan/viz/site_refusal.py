@@ -22,7 +22,7 @@ from dexplan.contact.bodies.sites import Sites
 from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
-from dexplan.planning.contacts.still import list_sites
+from dexplan.planning.contacts.landings import list_sites
 from dexplan.spatial import Array, angles_from_direction, lock_arrays
 from dexplan.viz.body_view import Sight, draw_body, draw_dots, look_from
 from dexplan.viz.palette import ALARM, INK, get_finger_color

@@ -15,7 +15,7 @@ from dexplan.brief import brief_repr
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.regions.sampling import sample_attitude
 from dexplan.plans.plan import Plan
 from dexplan.plans.status import Status

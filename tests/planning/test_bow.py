@@ -11,7 +11,7 @@ import pytest
 from dexplan import pipeline
 from dexplan.kinematics.arcs import build_travel, compute_hover, interpolate
 from dexplan.kinematics.chain import Chain, compute_dexterity, compute_joint_margin, compute_tip_pose
-from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.ways.detour import BOWS, Detour, Surroundings, bow_arc, sample_evenly
 from dexplan.planning.ways.travel import find_way
 from dexplan.problems.read import load_problem

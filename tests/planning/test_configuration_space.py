@@ -10,7 +10,7 @@ import pytest
 
 from dexplan import pipeline
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.ways.configuration_space import TOUCH, classify, compute_tip_gaps
 from dexplan.problems.problem import Obstacle
 from dexplan.problems.read import load_problem

@@ -18,7 +18,7 @@ from dexplan.kinematics.chain import compute_dexterity, compute_joint_margin, co
 from dexplan.planning.actions.gaits import build_actions
 from dexplan.planning.actions.schedule import time_plan
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.gait.steps import Step
 from dexplan.planning.ways.detour import Surroundings, find_detour
 from dexplan.planning.ways.travel import find_way

@@ -8,7 +8,8 @@ import pytest
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.contacts.still import build_landings, change_stand
+from dexplan.planning.contacts.landings import build_landings
+from dexplan.planning.contacts.still import change_stand
 from dexplan.planning.regrasp.goal_side import GoalSide
 from dexplan.spatial import Array, direction_from_angles
 

@@ -14,13 +14,13 @@ from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.contacts.held import Held
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.contacts.oracle import Contacts, Landfall, Progress
 from dexplan.planning.contacts.orbit_contacts import OrbitContacts
 from dexplan.planning.contacts.rolling_contacts import RollingContacts
 from dexplan.planning.contacts.site_contacts import SiteContacts
-from dexplan.planning.contacts.still import build_landings
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.ends import AnyEnd
 from dexplan.planning.search.engine import Engine, Patience

@@ -10,8 +10,9 @@ import pytest
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.contacts.layers import Layers
-from dexplan.planning.contacts.still import Stand, build_landings
+from dexplan.planning.contacts.still import Stand
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.goal_side import GoalSide
 from dexplan.planning.regrasp.relocation_bound import RelocationBound

@@ -10,7 +10,7 @@ import pytest
 
 from dexplan.planning.admissible.admissibility import Admissibility, FingerState, Margins
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.rolling.roll_gait import FOLLOW, RollToPair
 from dexplan.plans.contacts import Placement
 from dexplan.plans.refusal import Refusal, RefusalKind

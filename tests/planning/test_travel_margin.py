@@ -11,7 +11,7 @@ from dexplan.kinematics.chain import compute_joint_margin
 from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.admissible.carry import spin_tip
 from dexplan.planning.admissible.hand import HandModel, compute_travel_margin
-from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import find_way
 from dexplan.sim.judge.validate import load_default_limits

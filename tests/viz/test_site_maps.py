@@ -12,9 +12,9 @@ from other_bodies import BODIES
 from small_hand import make_hand
 
 from dexplan.contact.bodies.edged import BoxBody
+from dexplan.contact.bodies.sites import EDGE_BAND
 from dexplan.planning.admissible.admissibility import Margins
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.contacts.still import EDGE_BAND
 from dexplan.viz import site_reach
 from dexplan.viz.body_view import look_from
 from dexplan.viz.maps import describe_reach, draw_reach

@@ -11,6 +11,7 @@
 ``states``            ``StateChecks``: may the hand be there?  Quick answers, and exact ones
 ``held``              contacts of such a table, and questions to it
 ``stops``             what ends the motion that a contact is carried through
+``landings``          where a finger can touch: sites all over the object, and whether and how a tip gets to them
 ``still``             ``StillContacts``: contacts around an object that stands still, of any place and posture
 ``start_pairs``       ``list_pairs``: pairs of contacts where a plan may begin if the planner may choose
 ``track``             ``Track``: the object's way, with stops at which fingers may be relocated
@@ -36,6 +37,7 @@ __all__ = [
     "candidates",
     "contact_table",
     "held",
+    "landings",
     "layers",
     "legs",
     "oracle",

@@ -4,124 +4,43 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dexplan.contact.bodies.body import ConvexBody
-from dexplan.contact.bodies.sites import EDGE_BAND, Sites, build_sites
 from dexplan.contact.bodies.smooth import BallBody
 from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.kinematics.arcs import build_travel, compute_hover
-from dexplan.kinematics.chain import compute_joint_margin, compute_tip_pose
-from dexplan.kinematics.spherical_wrist import estimate_dexterity, solve_tip_pose
-from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.admissible.admissibility import (
     Admissibility,
     FingerState,
     Margins,
     compute_finger_states,
 )
-from dexplan.planning.admissible.aligned import build_touching
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
 from dexplan.planning.admissible.order import keep_order, keeps_order
 from dexplan.planning.admissible.separation import compute_pair_angle_max
+from dexplan.planning.contacts.landings import TILTS, build_landings, find_facing, list_sites
 from dexplan.planning.contacts.spins import center_spins
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
 from dexplan.plans.contacts import Placement
 from dexplan.plans.refusal import Refusal, RefusalKind
-from dexplan.spatial import VERTICAL, Array, invert_pose, lock_arrays, rotate_about
+from dexplan.spatial import Array, lock_arrays
 
 Stand = tuple[int | None, ...]
 """Per finger the number of its spot, None where it is free (at home)."""
 Labels = tuple[int | None, ...]
 """Per finger what its contact is to the goal, as :meth:`StillContacts.label` says."""
 
-DIRECTIONS = 240
-"""Directions around a ball at which intermediate landings are tried."""
-SPACING = 0.15
-"""Distance of sites on other bodies at most, in lengths of the cube of their volume: as many as directions around a ball."""
-_BESIDE = 2e-4
-"""Tips stand beside each other on a face with this much more than they have to keep [m]: a whole number of sites apart."""
 DETOURS = 4
 """So many detours are looked for in vain around one pose of the object."""
-TILTS = (0.0, float(np.radians(25.0)), -float(np.radians(25.0)))
-"""How far poles are tilted off the normals, about the vertical, where a carry is ahead."""
 
 
 def change_stand(stand: Stand, finger: int, spot: int | None) -> Stand:
     """Return the stand with one finger elsewhere."""
     return (*stand[:finger], spot, *stand[finger + 1 :])
-
-
-def list_sites(hand: HandModel) -> Sites:
-    """Return the places all over the object at which landings are tried, none near an edge."""
-    room = 2.0 * min(f.tip_radius for f in hand.fingers) + hand.limits.clearance + _BESIDE
-    body = hand.object.body
-    widest = SPACING * float(np.cbrt(body.solid.volume))
-    return _spread_sites(body, room / np.ceil(room / widest))
-
-
-@lru_cache(maxsize=8)
-def _spread_sites(body: ConvexBody, spacing: float) -> Sites:
-    if isinstance(body, BallBody):
-        return find_sites(body, spread_directions(DIRECTIONS))
-    return build_sites(body, spacing, EDGE_BAND)
-
-
-def find_sites(body: ConvexBody, normals_O: Array) -> Sites:
-    """Return the places of a body with the outward normals (N, 3); of a face with such a normal, one of its corners."""
-    return Sites(body.support(normals_O), normals_O)
-
-
-def build_landings(
-    hand: HandModel,
-    X_WO: Array,
-    finger: int,
-    normals_O: Array,
-    points_O: Array | None = None,
-    *,
-    tilt: float = 0.0,
-) -> list[Placement | None]:
-    """Return how a finger touches along outward normals (N, 3) in object axes, its pole along them; None where it cannot.
-
-    ``points_O`` (N, 3) [m]: where; None where normals say it, as on a ball.  ``tilt`` [rad] turns the pole off the normal, about
-    the vertical: beside another finger, or near the end of a finger's way, that makes room.  A tip that can roll about its pole
-    lands with that joint in the middle of its range.
-    """
-    if points_O is None:
-        points_O = find_sites(hand.object.body, normals_O).points
-    description, limits = hand.fingers[finger], hand.limits
-    chain, workspace = description.chain, hand.workspaces[finger]
-    if not len(workspace.postures) or not len(normals_O):
-        return [None] * len(normals_O)
-    X_WF = build_touching(hand, finger, X_WO, points_O, normals_O)
-    if tilt:
-        X_WF[:, :3, :3] = rotate_about(VERTICAL, tilt) @ X_WF[:, :3, :3]
-    q, reached = solve_tip_pose(workspace, X_WF)
-    if chain.has_tip_roll:
-        q[:, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
-    usable = reached & (compute_joint_margin(chain, q) >= limits.joint_margin)
-    usable[usable] = estimate_dexterity(chain, q[usable]) >= limits.dexterity
-    X_OF = invert_pose(X_WO) @ compute_tip_pose(chain, q)
-    return [
-        Placement(finger, p, n, X, posture) if good else None
-        for p, n, X, posture, good in zip(points_O, normals_O, X_OF, q, usable, strict=True)
-    ]
-
-
-def land_again(hand: HandModel, X_WO: Array, placement: Placement) -> Placement | None:
-    """Return the same contact, tip pose in the object and all, with the object at ``X_WO`` (4, 4); None out of reach."""
-    description, limits = hand.fingers[placement.finger], hand.limits
-    X_WF = (X_WO @ placement.X_OF)[None]
-    q, reached = solve_tip_pose(hand.workspaces[placement.finger], X_WF, counts_spin=True)
-    good = reached[0] and compute_joint_margin(description.chain, q[0]) >= limits.joint_margin
-    if not good or float(estimate_dexterity(description.chain, q)[0]) < limits.dexterity:
-        return None
-    return replace(placement, q=q[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,10 +128,7 @@ class StillContacts:
         """Return places all over the object where a finger can land, as far as it alone is concerned."""
         if finger not in self._landings:
             sites = list_sites(self.hand)
-            home = self.hand.p_WF_home[finger] - self.X_WO[:3, 3]
-            # Regions are of directions from the object's origin; only on a ball these are the normals.
-            from_origin = sites.points / np.linalg.norm(sites.points, axis=1, keepdims=True)
-            rows = self.hand.object.allows(from_origin) & (sites.normals @ self.X_WO[:3, :3].T @ home > 0.0)
+            rows = find_facing(self.hand, self.X_WO, finger, sites)
             at = sites.normals[rows], sites.points[rows]
             found = list[Placement | None]()
             for tilt in TILTS if len(self.ahead) else (0.0,):
@@ -235,7 +151,9 @@ class StillContacts:
         shape = len(n_a), len(n_b), 3
         pairs = SpotPairs(
             *(
-                np.stack([np.broadcast_to(u[:, None], shape), np.broadcast_to(v, shape)], axis=2).reshape(-1, 2, 3)
+                np.stack([np.broadcast_to(u[:, None], shape), np.broadcast_to(v, shape)], axis=2).reshape(
+                    -1, 2, 3
+                )
                 for u, v in ((n_a, n_b), (p_a, p_b))
             )
         )

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from dexplan.planning.contacts.landings import land_again
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.oracle import Progress
-from dexplan.planning.contacts.still import Stand, land_again
+from dexplan.planning.contacts.still import Stand
 from dexplan.planning.regrasp.goal_side import GoalSide
 
 

@@ -14,10 +14,10 @@ from itertools import combinations
 
 import numpy as np
 
+from dexplan.planning.contacts.landings import build_landings, find_reach, list_sites
 from dexplan.planning.contacts.layers import Layers
-from dexplan.planning.contacts.still import SpotPairs, Stand, build_landings
-from dexplan.planning.regrasp.pairs import Bools, Burden, Pair, keep_order_of_pairs
-from dexplan.plans.contacts import Placement
+from dexplan.planning.contacts.still import Stand
+from dexplan.planning.regrasp.pairs import Bools, Pair, PlacePairs
 from dexplan.spatial import Array
 
 NEVER = np.inf
@@ -37,25 +37,38 @@ class RelocationBound:
         self._layers, self._roots, self._is_early = layers, roots, is_early
         self._count = len(layers.hand.fingers)
         self._pairs = list(combinations(range(self._count), 2))
-        self._contacts: list[list[Placement]] = [[] for _ in range(self._count)]
-        self._index: list[dict[bytes, int]] = [{} for _ in range(self._count)]
+        self._places = PlacePairs(layers.hand, layers.poses[-1].lean_max)
         self._within: list[list[set[int]]] = [[set() for _ in range(self._count)] for _ in layers.poses]
         self._dead: set[tuple[int, Pair, int, int]] = set()
         self._distances: list[dict[Pair, Array]] = [{} for _ in layers.poses]
         self._stale = layers.last
-        self._burden = Burden(layers.hand)
-        self._besides: dict[tuple[int, ...], dict[Pair, Bools]] = {}
-        for layer, still in enumerate(layers.poses):
-            for finger in range(self._count):
-                for spot in still.landings(finger):
-                    # What can be put down in one pose is still within reach in the next; on long ways that is asked there.
-                    for pose in (layer, layer if layers.looks_ahead else min(layer + 1, layers.last)):
-                        self._within[pose][finger].add(self._number(layer, finger, spot))
+        if layers.looks_ahead:
+            self._note_reach()
+        else:
+            self._note_landings()
         self._ends = [self._numbers(layers.last, stand) for stand in roots or ()]
         for end in self._ends:
             for finger, number in end.items():
                 for within in self._within[0 if is_early else layers.last :]:
                     within[finger].add(number)
+
+    def _note_reach(self) -> None:
+        """Note the places that fingers reach in each pose: with whichever spin, which costs less than to find the best."""
+        sites = list_sites(self._layers.hand)
+        numbers = self._places.number_all(sites.points, sites.normals)
+        for finger in range(self._count):
+            table = find_reach(self._layers.hand, [still.X_WO for still in self._layers.poses], finger)
+            for within, reached in zip(self._within, table, strict=True):
+                within[finger].update(numbers[reached].tolist())
+
+    def _note_landings(self) -> None:
+        """Note the landings of each pose: what can be put down in one is still within reach in the next."""
+        layers = self._layers
+        for layer, still in enumerate(layers.poses):
+            for finger in range(self._count):
+                found = {self._number(layer, spot) for spot in still.landings(finger)}
+                for pose in {layer, min(layer + 1, layers.last)}:
+                    self._within[pose][finger] |= found
 
     def refuse(self, layer: int, stand: Stand) -> None:
         """Take into account that two contacts turned out not to hold by themselves."""
@@ -105,49 +118,36 @@ class RelocationBound:
         """
         if self._roots is not None:
             return True
-        X_WO, contact = self._layers.poses[pose].X_WO, self._contacts[finger][number]
-        rows = contact.normal_O[None], contact.point_O[None]
+        X_WO = self._layers.poses[pose].X_WO
+        rows = self._places.normals[number][None], self._places.points[number][None]
         return build_landings(self._layers.hand, X_WO, finger, *rows)[0] is not None
 
     def _numbers(self, layer: int, stand: Stand) -> dict[int, int]:
         """Return per finger that touches the number of its contact's place."""
-        return {f: self._number(layer, f, s) for f, s in enumerate(stand) if s is not None}
+        return {f: self._number(layer, s) for f, s in enumerate(stand) if s is not None}
 
-    def _number(self, layer: int, finger: int, spot: int) -> int:
+    def _number(self, layer: int, spot: int) -> int:
         contact = self._layers.poses[layer].spots[spot]
-        known, key = self._index[finger], contact.point_O.tobytes()
-        if key not in known:
-            known[key] = len(known)
-            self._contacts[finger].append(contact)
+        known = len(self._places)
+        number = self._places.number(contact.point_O, contact.normal_O)
+        if len(self._places) > known:
             self._stale = self._layers.last
-        return known[key]
+        return number
 
     def _solve(self) -> None:
         """Measure the distances that are out of date, in the last pose first."""
         if self._stale < 0:
             return
-        layers, hand = self._layers, self._layers.hand
-        normals = [np.array([c.normal_O for c in rows]).reshape(-1, 3) for rows in self._contacts]
-        points = [np.array([c.point_O for c in rows]).reshape(-1, 3) for rows in self._contacts]
-        centers = [p + f.tip_radius * n for p, n, f in zip(points, normals, hand.fingers, strict=True)]
-        lean_max = layers.poses[-1].lean_max
-        is_apart: dict[Pair, Bools] = {}
-        holds: dict[Pair, Bools] = {}
-        for a, b in self._pairs:
-            room = hand.limits.clearance + hand.fingers[a].tip_radius + hand.fingers[b].tip_radius
-            gap = np.linalg.norm(centers[a][:, None] - centers[b][None], axis=2)
-            is_apart[a, b] = gap >= room
-            i, j = np.nonzero(is_apart[a, b])
-            near = SpotPairs(
-                np.stack([normals[a][i], normals[b][j]], 1), np.stack([points[a][i], points[b][j]], 1)
-            )
-            holds[a, b] = np.zeros_like(is_apart[a, b])
-            holds[a, b][i, j] = near.leans < lean_max
+        layers = self._layers
+        is_apart, holds = self._places.find_apart(), self._places.find_closed()
         if self._stale < layers.last:
             later = self._distances[self._stale + 1]
         else:
             # Any two that hold are an end, or none but the roots.
-            later = {pair: np.where(rows & (self._roots is None), 0.0, NEVER) for pair, rows in holds.items()}
+            later = {
+                pair: np.where(rows & holds & (self._roots is None), 0.0, NEVER)
+                for pair, rows in is_apart.items()
+            }
             for end, pairs in zip(self._ends, (self._roots or {}).values(), strict=True):
                 for a, b in pairs:
                     later[a, b][end[a], end[b]] = len(end) - 2.0
@@ -155,12 +155,9 @@ class RelocationBound:
             beside, bear = is_apart, holds
             if layers.looks_ahead:
                 R_WO = layers.poses[layer].X_WO[:3, :3]
-                key = layer, *map(len, centers)
-                if key not in self._besides:
-                    self._besides[key] = keep_order_of_pairs(hand, R_WO, centers, is_apart)
-                beside = self._besides[key]
-                bear = self._burden.keep_bearing(R_WO, points, normals, holds)
-            later = self._distances[layer] = self._spread(layer, later, beside, bear)
+                beside, bear = self._places.keep_order(R_WO), self._places.find_bearing(R_WO)
+            hold = {pair: is_apart[pair] & bear for pair in self._pairs}
+            later = self._distances[layer] = self._spread(layer, later, beside, hold)
         self._stale = -1
 
     def _spread(

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from dexplan.planning.actions.joining import enclose
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.contacts.still import StillContacts, build_landings
+from dexplan.planning.contacts.landings import build_landings
+from dexplan.planning.contacts.still import StillContacts
 from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.goal_refusals import GoalContacts
 from dexplan.planning.tasks.no import No

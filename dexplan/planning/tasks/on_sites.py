@@ -15,8 +15,9 @@ from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.joining import build_move_actions, enclose
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.contacts.legs import Leg
-from dexplan.planning.contacts.still import Stand, StillContacts, build_landings
+from dexplan.planning.contacts.still import Stand, StillContacts
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.regrasp.any_grip import FoundGait, SiteGait

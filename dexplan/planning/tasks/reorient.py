@@ -11,7 +11,7 @@ import numpy as np
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.grasp.margin import solve_bounded_margin
 from dexplan.kinematics.workspace import spread_directions
-from dexplan.planning.contacts.still import build_landings
+from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.tasks.grasp_task import GraspTask
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.motion import ObjectMotion
