@@ -180,7 +180,12 @@ def list_ways(X_WO: Array, R_WO: Array, homes: Array) -> list[Array]:
         chord = (homes[j] - homes[i]) * [1.0, 1.0, 0.0]
         chord /= np.linalg.norm(chord)
         frame = Rotation.from_matrix(np.stack([chord, np.cross(VERTICAL, chord), VERTICAL], axis=1))
-        last, middle, first = (frame.inv() * whole * frame).as_euler("ZXZ")
+        # R = Rz(a) Rx(b) Rz(c) where x is the chord.
+        E = (frame.inv() * whole * frame).as_matrix()
+        middle = np.arctan2(np.hypot(E[0, 2], E[1, 2]), E[2, 2])
+        if min(middle, np.pi - middle) < 1e-6:
+            continue
+        last, first = np.arctan2(E[0, 2], -E[1, 2]), np.arctan2(E[2, 0], E[2, 1])
         for half, b in ((0.0, middle), (np.pi, -middle)):
             a, c = (float(np.arctan2(np.sin(x + half), np.cos(x + half))) for x in (last, first))
             turns.append([(VERTICAL, c), (chord, float(b)), (VERTICAL, a)])

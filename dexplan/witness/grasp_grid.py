@@ -35,11 +35,13 @@ Pair = tuple[int, int]
 
 def spread_sites(body: ConvexBody, count: int = SITES) -> Sites:
     """Return at most ``count`` sites all over a body, none near an edge, as wide apart as gives about so many."""
-    spacing = 2.0 * body.bound
-    sites = build_sites(body, spacing, EDGE_BAND)
-    while len(finer := build_sites(body, 0.94 * spacing, EDGE_BAND)) <= count:
-        spacing, sites = 0.94 * spacing, finer
-    return sites
+    spacing, best = 2.0 * body.bound, build_sites(body, 2.0 * body.bound, EDGE_BAND)
+    # Not even in the spacing, for candidates come from ever finer grids: looked on until there are far too many.
+    while len(sites := build_sites(body, spacing, EDGE_BAND)) <= 2 * count:
+        if len(best) < len(sites) <= count:
+            best = sites
+        spacing *= 0.94
+    return best
 
 
 def get_pair_limits(hand: HandModel) -> PairLimits:
