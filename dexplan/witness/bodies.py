@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,13 +21,13 @@ from dexplan.brief import brief_repr
 from dexplan.contact.bodies.sites import EDGE_BAND, Sites
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.sampling import sample_attitude
-from dexplan.plans.actions import count_placements
 from dexplan.plans.plan import Plan
 from dexplan.problems.problem import GoalSection, Problem, StartSection
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.spatial import VERTICAL, Array, as_pose7, rotate_about
 from dexplan.witness.adjustments import as_azimuth_elevation
 from dexplan.witness.grasp_grid import SITES, build_grid, spread_sites
+from dexplan.witness.pair_judge import PairJudge
 from dexplan.witness.pair_search import Outcome, PairSearch, find_axes
 
 DRAWN = 60
@@ -147,8 +146,8 @@ def ask_brute_force(question: Question, looks: int = LOOKS, sites: int = SITES) 
     for poses in list_ways(X_WO, question.R_WO, hand.p_WF_home):
         search = PairSearch(hand, poses, build_grid(places, find_axes(poses)), (first, second))
         outcomes.append(search.run(looks))
-        looked_at += search.looked_at
-        if outcomes[-1] is Outcome.FOUND or not search.holds(0, (first, second)):
+        looked_at += search.judge.looked_at
+        if outcomes[-1] is Outcome.FOUND or not search.judge.holds(0, (first, second)):
             break
     return Verdict(outcomes[-1] is Outcome.FOUND, tuple(outcomes), looked_at)
 
@@ -212,9 +211,9 @@ def _draw_start(hand: HandModel, rng: np.random.Generator) -> tuple[Array | None
         points = points[body.measure_edge_distance(points) >= EDGE_BAND]
         first, second = sorted(int(f) for f in rng.permutation(len(hand.fingers))[:2])
         grid = build_grid(Sites(points, body.normal_at(points)))
-        search = PairSearch(hand, X_WO[None], grid, ((first, 0), (second, 0)))
-        for a, b in rng.permutation(np.argwhere(search.tables.at(0)[first, second]))[:4].tolist():
-            if search.holds(0, ((first, a), (second, b))):
+        judge = PairJudge(hand, X_WO[None], grid)
+        for a, b in rng.permutation(np.argwhere(judge.tables.at(0)[first, second]))[:4].tolist():
+            if judge.holds(0, ((first, a), (second, b))):
                 start: list[Array | None] = [None] * len(hand.fingers)
                 for f, c in ((first, a), (second, b)):
                     start[f] = X_WO[:3, :3] @ points[c] / np.linalg.norm(points[c])
@@ -222,36 +221,3 @@ def _draw_start(hand: HandModel, rng: np.random.Generator) -> tuple[Array | None
     raise ValueError(
         "no two fingers were found to hold the object; a hand and an object where some do are accepted"
     )
-
-
-def record(done: Attempt, verdict: Verdict | None) -> dict[str, Any]:
-    """Return an attempt, and what brute force says of it, as one line of a file."""
-    plan, question = done.plan, done.question
-    row: dict[str, Any] = {
-        "key": question.key,
-        "shape": question.problem.name,
-        "seed": question.number,
-        "turn_deg": round(float(np.degrees(question.turn.magnitude())), 1),
-        "status": str(plan.status),
-        "reason": plan.reason,
-        "refusal": None if plan.refusal is None else str(plan.refusal.root.kind),
-        "planning_s": round(done.planning_s, 3),
-        "nodes": plan.statistics.get("nodes"),
-        "placements": count_placements(plan.actions),
-        "agrees": plan.is_solved,
-    }
-    if verdict is not None:
-        # A plan is its own proof; a refusal is what brute force has to agree with.
-        row["agrees"] = plan.is_solved or not verdict.is_reachable
-        row |= {
-            "brute_force": str(verdict),
-            "found": verdict.is_reachable,
-            "looked_at_all": verdict.looked_at_all,
-        }
-    return row
-
-
-def record_run(done: Attempt, report: ValidationReport) -> dict[str, Any]:
-    """Return what the validator says of an attempt that was carried out, as one line of a file."""
-    failed = {c.name: [c.value, c.limit, c.unit] for c in report.checks if c.status == "fail"}
-    return {"key": done.question.key, "shape": done.question.problem.name, "run": failed or "PASS"}

@@ -19,23 +19,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dexplan.grasp.wrench import compute_wrench
-from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.spatial import Array, invert_pose
-from dexplan.witness.grasp_grid import Bools, Grid, Pair, PairTables, get_pair_limits, solve_postures
-from dexplan.witness.two_contacts import PairTorques, build_frames_into, map_to_joints, measure_spare
+from dexplan.witness.grasp_grid import Bools, Grid, Pair
+from dexplan.witness.pair_judge import Contact, PairJudge
 
 NEVER = 10_000
 """Exchanges that are missing where no number of them does."""
-LIFTS = (0.025, 0.05)
-"""Where the straight way between home and above a contact is blocked, a free finger goes over places so far off it [m]."""
-SAMPLES = 13
-"""Postures looked at on a piece of such a way."""
-
 Counts = NDArray[np.int16]
-Contact = tuple[int, int]
-"""A finger and the number of a contact on the grid."""
 
 
 class Outcome(StrEnum):
@@ -69,13 +60,9 @@ class PairSearch:
     def __init__(
         self, hand: HandModel, X_WO: Array, grid: Grid, start: tuple[Contact, Contact], every: int = 2
     ) -> None:
-        self.hand, self.X_WO, self.grid, self.start, self.every = hand, X_WO, grid, start, every
-        self.postures = solve_postures(hand, X_WO, grid)
-        self.tables = PairTables(hand, X_WO, grid, self.postures)
-        self.last = len(X_WO) - 1
-        self.looked_at = 0
-        self._held: dict[tuple[int, tuple[Contact, ...]], bool] = {}
-        self._ways: dict[tuple[int, Contact, tuple[Contact, ...]], bool] = {}
+        self.start, self.every, self.last = start, every, len(X_WO) - 1
+        self.hand, self.grid, self.judge = hand, grid, PairJudge(hand, X_WO, grid)
+        self.postures, self.tables = self.judge.postures, self.judge.tables
         self._room = [
             float(f.chain.upper[-1] - f.chain.lower[-1]) - 2.0 * hand.limits.joint_margin
             for f in hand.fingers
@@ -93,14 +80,14 @@ class PairSearch:
             return Outcome.NO_CHAIN
         seen: dict[tuple[int, tuple[Contact, Contact]], list[tuple[int, int]]] = {}
         while heap:
-            if self.looked_at >= most:
+            if self.judge.looked_at >= most:
                 return Outcome.UNFINISHED
             node = heapq.heappop(heap)
             landings = seen.setdefault((node.pose, node.pair), [])
             # Whoever landed later can be carried wherever one that landed before can.
             if any(a >= node.landed[0] and b >= node.landed[1] for a, b in landings):
                 continue
-            if not self.holds(node.pose, node.pair) or (node.via and not self._may_exchange(node)):
+            if not self.judge.holds(node.pose, node.pair) or (node.via and not self._may_exchange(node)):
                 continue
             landings.append(node.landed)
             if node.pose == self.last:
@@ -108,40 +95,6 @@ class PairSearch:
             for child in self._list_children(node):
                 self._push(heap, child)
         return Outcome.BLOCKED
-
-    def holds(self, k: int, contacts: tuple[Contact, ...]) -> bool:
-        """Return whether fingers can be at these contacts at pose ``k``, all others at home.
-
-        Two have to hold the object, with joint torques looked at.  Three are only asked for room: any mean of the forces of two
-        of their pairs is inside all cones and bears the weight.
-        """
-        key = (k, tuple(sorted(contacts)))
-        if key not in self._held:
-            self.looked_at += 1
-            self._held[key] = (
-                self.tables.is_in_order(k, contacts)
-                and self._is_clear(k, contacts)
-                and (len(contacts) > 2 or self.measure_pair(k, contacts) >= 0.0)
-            )
-        return self._held[key]
-
-    def measure_pair(self, k: int, contacts: tuple[Contact, ...]) -> float:
-        """Return the force [N] that two contacts have to spare, torques of the joints included."""
-        hand, X = self.hand, self.X_WO[k]
-        sites, site, q = self.grid.sites, self.grid.site, self._place(k, contacts)
-        rows = [site[c] for _, c in contacts]
-        arms = sites.points[rows] @ X[:3, :3].T
-        frames = build_frames_into(sites.normals[rows] @ X[:3, :3].T)
-        maps = [
-            map_to_joints(hand.fingers[f], q[f], hand.fingers[f].pose_at(q[f]), X[:3, 3] + arm, frame)
-            for (f, _), arm, frame in zip(contacts, arms, frames, strict=True)
-        ]
-        fingers = [f for f, _ in contacts]
-        bias = hand.probe.compute_gravity_torque(q)[fingers]
-        most = hand.limits.torque_share * np.stack([hand.fingers[f].torque_limit for f in fingers])
-        torques = PairTorques(np.stack(maps)[None], bias[None], most)
-        wrench = compute_wrench(hand.object.mass_properties, X[:3, :3])
-        return float(measure_spare(arms[None], frames[None], wrench, get_pair_limits(hand), torques)[0])
 
     def _push(self, heap: list[_Node], node: _Node) -> None:
         (f, a), (g, b) = node.pair
@@ -189,70 +142,10 @@ class PairSearch:
         keep = node.pair[0] if node.pair[1] == new else node.pair[1]
         k, before = node.pose, tuple(sorted((keep, lifted)))
         return (
-            self.holds(k, (*before, new))
-            and self._comes(k, new, before)
-            and self._comes(k, lifted, node.pair)
+            self.judge.holds(k, (*before, new))
+            and self.judge.comes(k, new, before)
+            and self.judge.comes(k, lifted, node.pair)
         )
-
-    def _place(self, k: int, contacts: tuple[Contact, ...]) -> Array:
-        """Return the postures (F, J) with these contacts, all others at home; the tips' own joints amid their ranges."""
-        q = self.hand.q_home.copy()
-        for f, c in contacts:
-            q[f] = self.postures.q[k, f, c]
-            chain = self.hand.fingers[f].chain
-            if chain.has_tip_roll:
-                q[f, -1] = 0.5 * (chain.lower[-1] + chain.upper[-1])
-        return q
-
-    def _is_clear(self, k: int, contacts: tuple[Contact, ...]) -> bool:
-        fingers = tuple(f for f, _ in contacts)
-        nearest = self.hand.probe.find_nearest(self._place(k, contacts), self.X_WO[k], fingers)
-        return bool(nearest.distance >= self.hand.limits.clearance)
-
-    def _comes(self, k: int, mover: Contact, holding: tuple[Contact, ...]) -> bool:
-        """Return whether a free finger gets between home and its contact while the others hold.
-
-        The joints go evenly from home to where the tip hovers over its contact, or over a place farther off it.
-        """
-        key = (k, mover, tuple(sorted(holding)))
-        if key not in self._ways:
-            self.looked_at += 1
-            f, c = mover
-            finger, q = self.hand.fingers[f], self._place(k, holding)
-            at = self._place(k, (mover,))[f]
-            normal = self.X_WO[k, :3, :3] @ self.grid.sites.normals[self.grid.site[c]]
-            touching = tuple(g for g, _ in holding)
-            share = np.linspace(0.0, 1.0, SAMPLES)[:, None]
-
-            def is_open(start: Array, end: Array) -> bool:
-                way = start + share * (end - start)
-                if compute_joint_margin(finger.chain, way).min() < 0.0:
-                    return False
-                for posture in way:
-                    q[f] = posture
-                    nearest = self.hand.probe.find_nearest(q, self.X_WO[k], touching)
-                    if nearest.distance < self.hand.limits.clearance:
-                        return False
-                return True
-
-            hover = self._lift(f, at, normal, self.hand.hover)
-            self._ways[key] = hover is not None and (
-                is_open(finger.q_home, hover)
-                or any(
-                    is_open(via, hover) and is_open(finger.q_home, via)
-                    for gap in LIFTS
-                    if (via := self._lift(f, at, normal, gap)) is not None
-                )
-            )
-        return self._ways[key]
-
-    def _lift(self, finger: int, q: Array, normal: Array, gap: float) -> Array | None:
-        """Return the posture (J,) with the tip ``gap`` [m] off along ``normal`` (3,) in W; None out of reach."""
-        chain = self.hand.fingers[finger].chain
-        X = self.hand.fingers[finger].pose_at(q)[None].copy()
-        X[:, :3, 3] += gap * normal
-        solved, reached = solve_ik(chain, X, q[None])
-        return wrap_near(solved[0], q) if reached[0] else None
 
     def _count_exchanges(self) -> list[dict[Pair, Counts]]:
         """Return per pose and two fingers how many exchanges (N, N) are missing to the last pose at least."""

@@ -15,8 +15,10 @@ from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.problems.problem import Problem
 from dexplan.problems.read import load_problem
 from dexplan.spatial import rotate_about
-from dexplan.witness.bodies import Attempt, Question, ask_brute_force, draw_questions, list_ways, record
+from dexplan.witness.bodies import Attempt, Question, ask_brute_force, draw_questions, list_ways
+from dexplan.witness.body_rows import record, record_verdict, summarise
 from dexplan.witness.grasp_grid import Statics, build_grid, get_pair_limits, spread_sites
+from dexplan.witness.pair_judge import PairJudge
 from dexplan.witness.pair_search import Outcome, PairSearch, find_axes
 from dexplan.witness.two_contacts import PairLimits, PairTorques, build_frames_into, is_closed, measure_spare
 
@@ -89,15 +91,15 @@ def test_pairs_that_the_planner_bears_hold_here_too(egg: Problem) -> None:
     hand = pipeline.build_hand(egg, pipeline.build_scene(egg))
     X = hand.object.X_WO_home
     grid = build_grid(spread_sites(hand.object.body, 30))
-    search = PairSearch(hand, X[None], grid, ((0, 0), (1, 0)))
-    judge, seen = Admissibility(hand), set[bool]()
-    for a, b in np.argwhere(search.tables.at(0)[0, 1]):
+    ours = PairJudge(hand, X[None], grid)
+    theirs, seen = Admissibility(hand), set[bool]()
+    for a, b in np.argwhere(ours.tables.at(0)[0, 1]):
         contacts = ((0, int(a)), (1, int(b)))
-        q = search._place(0, contacts)
-        bears = judge.compute_margins(q, X, (0, 1)).is_admissible
+        q = ours.place(0, contacts)
+        bears = theirs.compute_margins(q, X, (0, 1)).is_admissible
         seen.add(bears)
         if bears:
-            assert search.measure_pair(0, contacts) >= 0.0
+            assert ours.measure_pair(0, contacts) >= 0.0
     assert True in seen
     statics = Statics(hand, grid.sites).find_holding(X[:3, :3])
     assert np.array_equal(statics, statics.T)
@@ -120,9 +122,14 @@ def test_a_false_refusal_is_found_to_be_one(question: Question) -> None:
     assert solved.is_solved
     verdict = ask_brute_force(question, looks=300, sites=30)
     assert verdict.outcomes == (Outcome.FOUND,)
-    assert record(Attempt(question, solved, 0.0), verdict)["agrees"]
-    false = Attempt(question, replace(solved, status="no_gait"), 0.0)
-    assert record(false, verdict)["agrees"] is False
+    false = Attempt(question, replace(solved, status="no_gait"), 0.5)
+    plans, verdicts = [record(false)], [record_verdict(question, verdict)]
+    told = summarise(plans, verdicts, [])
+    assert told["refusals_contradicted"] == [question.key]
+    assert told["agreement"] == 0.0
+    plans[0] = record(replace(false, plan=solved))
+    told = summarise(plans, verdicts, [])
+    assert (told["agreement"], told["planned"], told["of_these_found"]) == (1.0, 1, 1)
 
 
 def test_where_nothing_holds_at_the_end_brute_force_finds_nothing(egg: Problem) -> None:
