@@ -19,7 +19,7 @@
 
 >>> from dexplan.witness.confirmation import list_builtin_cases
 >>> sum(1 for _ in list_builtin_cases())
-44
+84
 """
 
 __all__ = [

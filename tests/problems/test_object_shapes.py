@@ -15,7 +15,7 @@ from dexplan.contact.bodies.smooth import BallBody
 from dexplan.errors import DexplanError, ProblemError
 from dexplan.problems.override import parse_assignment
 from dexplan.problems.problem import Problem, compute_contact_directions
-from dexplan.problems.read import build_problem, load_problem
+from dexplan.problems.read import build_problem, list_problems, load_problem
 from dexplan.problems.true_world import check_world
 from dexplan.problems.words import describe_problem
 from dexplan.sim.judge.true_world import find_untrue, join_world
@@ -391,13 +391,21 @@ def test_a_true_world_may_have_another_body(
 
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "bodies").glob("*.toml"))
+BODIES = [name for name in list_problems() if load_problem(name).object.shape is not None]
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_examples_of_bodies_are_scenes(path: Path, tmp_path: Path) -> None:
-    problem = Problem.load(path)
-    assert Problem.load(problem.save(tmp_path / "copy.toml")) == problem
-    assert problem.name == path.stem
+@pytest.mark.parametrize("source", [*BODIES, *EXAMPLES], ids=lambda source: Path(source).stem)
+def test_shipped_bodies_are_scenes_with_room_for_contacts(source: str | Path, tmp_path: Path) -> None:
+    problem = load_problem(str(source))
+    assert load_problem(str(problem.save(tmp_path / "copy.toml"))) == problem
+    assert problem.name == Path(source).stem
     scene = build_scene(problem)
     sites = build_sites(scene.object.body, 0.008, EDGE_BAND)
     assert len(sites) > 60
+
+
+def test_the_built_in_mesh_is_the_one_of_the_example() -> None:
+    built_in = load_problem("mesh_turn").object.shape
+    from_file = load_problem(str(EXAMPLES[0])).object.shape
+    # Read from a file, corners are rounded once more, to a nanometre about the centroid.
+    assert np.allclose(sorted(built_in.vertices_m), sorted(from_file.vertices_m), atol=5e-9)
