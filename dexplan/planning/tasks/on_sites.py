@@ -53,8 +53,8 @@ def plan_rotation_on_sites(
     """Return a plan that takes the object to ``goal`` by finger gaiting, as ``plan_rotation`` does on orbits.
 
     ``primitives``: with "rewind" alone one pair of fingers moves the object; else any fingers do, and each relocation may be
-    one of either kind.  No plan is an answer with a status: ``no_gait`` where everything was tried, ``budget_exhausted`` where nodes ran out, or one
-    of those that refuse a start.
+    one of either kind.  No plan is an answer with a status: ``no_gait`` where everything was tried, ``budget_exhausted`` where
+    nodes ran out, or one of those that refuse a start.
     """
     admissibility = Admissibility(hand)
     landed = None if start is None else _land_start(hand, admissibility, goal, start)
