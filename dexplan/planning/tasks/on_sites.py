@@ -20,7 +20,6 @@ from dexplan.planning.contacts.still import Stand, StillContacts, build_landings
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.regrasp.any_grip import FoundGait, SiteGait
-from dexplan.planning.regrasp.pairs import Pair
 from dexplan.planning.search.options import Primitive
 from dexplan.planning.tasks.blocked import (
     StartContact,
@@ -89,7 +88,7 @@ def plan_rotation_on_sites(
 
 def _list_movers(
     hand: HandModel, start: Contacts | None, primitives: tuple[Primitive, ...]
-) -> list[Pair | None]:
+) -> list[tuple[int, int] | None]:
     """Return the pairs of fingers of which one alone is to move the object; None where any fingers may."""
     if "substitution" in primitives:
         return [None]
