@@ -16,7 +16,3 @@ def refuse_unplanned(problem: Problem) -> None:
     if goal.contacts_deg is not None:
         accepted = "accepted: a goal of the object, by rotation, orientation_wxyz or translation_m"
         raise ProblemError(problem.name, "goal.contacts_deg", f"planned {_BALLS_ALONE}", accepted)
-    if "substitution" not in problem.gait.primitives:
-        accepted = 'accepted for other objects: primitives with "substitution"'
-        fact = f"{list(problem.gait.primitives)} is planned {_BALLS_ALONE}"
-        raise ProblemError(problem.name, "gait.primitives", fact, accepted)

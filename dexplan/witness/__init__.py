@@ -10,7 +10,7 @@
 ``adjustments``   random goal grasps; ``shifts``: random shifts
 ``confirmation``  built-in problems and random worlds: planned, carried out, judged
 ``bodies``        random attitudes of any convex body, and what brute force says of refusals
-``brute_force``   a refusal held against a grid of contacts
+``brute_force``   a refusal held against a grid of contacts, of a ball; of any body: ``pair_search`` over a ``grasp_grid``
 ``endurance``     goal after goal in one rollout; ``endurance_picture``: told and drawn
 ``digests``       fingerprints of plans
 ================  ===========================================================================================

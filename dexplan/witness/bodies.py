@@ -1,15 +1,17 @@
 """Random attitudes from random starts on any convex body: what the planner answers, and what brute force says of a refusal.
 
 Questions are drawn without asking the planner: attitudes uniform over all rotations, start contacts uniform in direction among
-those that two fingers reach, whose chord lies inside both cones, and that hold the object as far as one state can tell.
+those that two fingers reach and with which they hold the object, by the statics of :mod:`.two_contacts`.  A start that the
+planner refuses is a refusal like any other.
 """
 
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,23 +19,23 @@ from scipy.spatial.transform import Rotation
 from dexplan import pipeline
 from dexplan.brief import brief_repr
 from dexplan.contact.bodies.sites import EDGE_BAND, Sites
-from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.regions.sampling import sample_attitude
-from dexplan.plans.actions import count_placements
 from dexplan.plans.plan import Plan
 from dexplan.problems.problem import GoalSection, Problem, StartSection
 from dexplan.sim.judge.validate import ValidationReport
 from dexplan.spatial import VERTICAL, Array, as_pose7, rotate_about
 from dexplan.witness.adjustments import as_azimuth_elevation
-from dexplan.witness.brute_force import Journey, Touch, find_hold
+from dexplan.witness.grasp_grid import SITES, build_grid, spread_sites
+from dexplan.witness.pair_judge import PairJudge
+from dexplan.witness.pair_search import Outcome, PairSearch, find_axes
 
 DRAWN = 60
 """Directions drawn at a time for start contacts."""
 STEP = float(np.radians(7.5))
 """The object's turn from pose to pose, all of which are judged; fingers are put elsewhere at every second, each 15 deg."""
-STATES = 3000
-"""Grasps that are looked at on one way."""
+LOOKS = 1500
+"""Grasps and ways of fingers that are looked at on one way of the object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,34 +112,51 @@ def carry_out(done: Attempt) -> ValidationReport:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What brute force says: whether the goal ``is_reachable`` as far as it looked, whether it ``looked_at_all``, and why."""
+    """What brute force says: whether the goal ``is_reachable`` as far as it looked, what every way of the object came to, and how
+    many grasps and fingers' ways were looked at.
+    """
 
     is_reachable: bool
-    looked_at_all: bool
-    why: str
+    outcomes: tuple[Outcome, ...]
+    looked_at: int
+
+    @property
+    def looked_at_all(self) -> bool:
+        """Whether there was nothing left to look at."""
+        return self.is_reachable or Outcome.UNFINISHED not in self.outcomes
+
+    def __str__(self) -> str:
+        if self.is_reachable:
+            return f"a gait on way {len(self.outcomes) - 1}, {self.looked_at} grasps and ways looked at"
+        ends = ", ".join(f"{n} times: {o.value}" for o, n in Counter(self.outcomes).items())
+        return f"no gait on {len(self.outcomes)} ways ({ends}), {self.looked_at} grasps and ways looked at"
 
 
-def ask_brute_force(question: Question, states: int = STATES) -> Verdict:
-    """Return whether brute force finds a way to the attitude, on any of a few ways of the object."""
+def ask_brute_force(question: Question, looks: int = LOOKS, sites: int = SITES) -> Verdict:
+    """Return whether brute force finds a gait to the attitude, on any of a few ways of the object."""
     posed = question.as_problem()
     hand = pipeline.build_hand(posed, pipeline.build_scene(posed))
-    ways = list_ways(hand.object.X_WO_home, question.R_WO)
-    if find_hold(hand, ways[0][-1], Admissibility(hand), most=2) is None:
-        return Verdict(False, True, "no two fingers hold it at the goal")
-    looked_at, is_all = 0, True
-    for number, poses in enumerate(ways):
-        journey = Journey(hand, poses, question.start, every=2)
-        found, ended = journey.run(states)
-        looked_at, is_all = looked_at + journey.looked_at, is_all and ended
-        if found:
-            return Verdict(True, True, f"a gait on way {number}, {looked_at} grasps looked at")
-    return Verdict(False, is_all, f"no gait on {len(ways)} ways, {looked_at} grasps looked at")
+    X_WO, body = hand.object.X_WO_home, hand.object.body
+    touching = [(f, X_WO[:3, :3].T @ d) for f, d in enumerate(question.start) if d is not None]
+    points = body.radial(np.stack([d for _, d in touching]))
+    spread = spread_sites(body, sites)
+    places = Sites(np.vstack([spread.points, points]), np.vstack([spread.normals, body.normal_at(points)]))
+    first, second = ((f, len(spread) + k) for k, (f, _) in enumerate(touching))
+    outcomes, looked_at = list[Outcome](), 0
+    for poses in list_ways(X_WO, question.R_WO, hand.p_WF_home):
+        search = PairSearch(hand, poses, build_grid(places, find_axes(poses)), (first, second))
+        outcomes.append(search.run(looks))
+        looked_at += search.judge.looked_at
+        if outcomes[-1] is Outcome.FOUND or not search.judge.holds(0, (first, second)):
+            break
+    return Verdict(outcomes[-1] is Outcome.FOUND, tuple(outcomes), looked_at)
 
 
-def list_ways(X_WO: Array, R_WO: Array) -> list[Array]:
+def list_ways(X_WO: Array, R_WO: Array, homes: Array) -> list[Array]:
     """Return the poses (K, 4, 4) of ways from ``X_WO`` (4, 4) to the attitude ``R_WO`` (3, 3).
 
-    The shortest turn and the other way round; a turn about the vertical before and after one about a horizontal axis.
+    The shortest turn and the other way round; a turn about the vertical before and after one about a horizontal axis; about the
+    vertical, about the chord of two fingers' tips at ``homes`` (F, 3), and about the vertical again.
     """
     whole = Rotation.from_matrix(R_WO @ X_WO[:3, :3].T)
     v, angle = whole.as_rotvec(), float(whole.magnitude())
@@ -156,6 +175,19 @@ def list_ways(X_WO: Array, R_WO: Array) -> list[Array]:
         [(VERTICAL, twist), (level, lean)],
         [(turned, lean), (VERTICAL, twist)],
     ]
+    for i, j in combinations(range(len(homes)), 2):
+        chord = (homes[j] - homes[i]) * [1.0, 1.0, 0.0]
+        chord /= np.linalg.norm(chord)
+        frame = Rotation.from_matrix(np.stack([chord, np.cross(VERTICAL, chord), VERTICAL], axis=1))
+        # R = Rz(a) Rx(b) Rz(c) where x is the chord.
+        E = (frame.inv() * whole * frame).as_matrix()
+        middle = np.arctan2(np.hypot(E[0, 2], E[1, 2]), E[2, 2])
+        if min(middle, np.pi - middle) < 1e-6:
+            continue
+        last, first = np.arctan2(E[0, 2], -E[1, 2]), np.arctan2(E[2, 0], E[2, 1])
+        for half, b in ((0.0, middle), (np.pi, -middle)):
+            a, c = (float(np.arctan2(np.sin(x + half), np.cos(x + half))) for x in (last, first))
+            turns.append([(VERTICAL, c), (chord, float(b)), (VERTICAL, a)])
     return [_list_poses(X_WO, legs) for legs in turns]
 
 
@@ -173,47 +205,19 @@ def _list_poses(X_WO: Array, legs: list[tuple[Array, float]]) -> Array:
 
 def _draw_start(hand: HandModel, rng: np.random.Generator) -> tuple[Array | None, ...]:
     """Return start contacts that hold the object at home."""
-    X_WO, body, judge = hand.object.X_WO_home, hand.object.body, Admissibility(hand)
+    X_WO, body = hand.object.X_WO_home, hand.object.body
     for _ in range(400):
-        directions = rng.normal(size=(DRAWN, 3))
-        points = body.radial(directions)
+        points = body.radial(rng.normal(size=(DRAWN, 3)))
         points = points[body.measure_edge_distance(points) >= EDGE_BAND]
-        touch = Touch(hand, X_WO, Sites(points, body.normal_at(points)))
-        first, second = (int(f) for f in rng.permutation(len(hand.fingers))[:2])
-        spare = touch.measure_spare(np.arange(len(points))[:, None], np.arange(len(points))[None])
-        pairs = np.argwhere(touch.ok[first][:, None] & touch.ok[second][None] & (spare > 0.0))
-        for a, b in rng.permutation(pairs)[:4].tolist():
-            if touch.holds(judge, ((first, a), (second, b))):
+        first, second = sorted(int(f) for f in rng.permutation(len(hand.fingers))[:2])
+        grid = build_grid(Sites(points, body.normal_at(points)))
+        judge = PairJudge(hand, X_WO[None], grid)
+        for a, b in rng.permutation(np.argwhere(judge.tables.at(0)[first, second]))[:4].tolist():
+            if judge.holds(0, ((first, a), (second, b))):
                 start: list[Array | None] = [None] * len(hand.fingers)
-                for f, d in ((first, a), (second, b)):
-                    start[f] = X_WO[:3, :3] @ points[d] / np.linalg.norm(points[d])
+                for f, c in ((first, a), (second, b)):
+                    start[f] = X_WO[:3, :3] @ points[c] / np.linalg.norm(points[c])
                 return tuple(start)
     raise ValueError(
         "no two fingers were found to hold the object; a hand and an object where some do are accepted"
     )
-
-
-def record(done: Attempt, verdict: Verdict | None, report: ValidationReport | None) -> dict[str, Any]:
-    """Return an attempt, and what brute force and the world say of it, as one line of a file."""
-    plan, question = done.plan, done.question
-    row: dict[str, Any] = {
-        "key": question.key,
-        "shape": question.problem.name,
-        "seed": question.number,
-        "turn_deg": round(float(np.degrees(question.turn.magnitude())), 1),
-        "status": str(plan.status),
-        "reason": plan.reason,
-        "planning_s": round(done.planning_s, 3),
-        "nodes": plan.statistics.get("nodes"),
-        "placements": count_placements(plan.actions),
-        "agrees": plan.is_solved,
-    }
-    if verdict is not None:
-        # A refusal before the budget ended says that there is none; what brute force did not find either may be so.
-        row["agrees"] = not verdict.is_reachable
-        row |= {"brute_force": verdict.why, "looked_at_all": verdict.looked_at_all}
-    if report is not None:
-        row["run"] = {
-            c.name: [c.value, c.limit, c.unit] for c in report.checks if c.status == "fail"
-        } or "PASS"
-    return row

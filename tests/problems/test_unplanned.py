@@ -23,8 +23,6 @@ CONTACTS = {"kind": "dextrous_manipulation", "contacts_deg": [[0, 0], [180, 0], 
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"gait": {"primitives": ["rewind"]}}, "gait.primitives: ['rewind'] is planned for an object that is a ball alone"),
-        ({"gait": {"primitives": []}}, "gait.primitives: [] is planned for an object that is a ball alone"),
         ({"goal": {**TURN, **CONTACTS}}, "goal.contacts_deg: planned for an object that is a ball alone"),
     ],
 )  # fmt: skip
@@ -38,13 +36,7 @@ def test_bodies_are_not_planned_as_if_less_were_asked(
 
 
 @pytest.mark.parametrize("primitives", [[], ["rewind"], ["substitution"], ["substitution", "rewind"]])
-def test_all_gaits_are_planned_for_a_ball(primitives: list[str]) -> None:
-    refuse_unplanned(
-        build_problem({"format": 1, "goal": TURN, "gait": {"primitives": primitives}}, "p.toml", "p")
-    )
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_substitution_is_planned_for_any_body(shape: dict[str, Any]) -> None:
-    asked = {"format": 1, "object": {"shape": shape}, "goal": TURN}
+@pytest.mark.parametrize("body", [{}, *({"shape": shape} for shape in SHAPES)])
+def test_all_gaits_are_planned_for_any_body(body: dict[str, Any], primitives: list[str]) -> None:
+    asked = {"format": 1, "object": body, "goal": TURN, "gait": {"primitives": primitives}}
     refuse_unplanned(build_problem(asked, "p.toml", "p"))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import copy
+
+import mujoco
 import numpy as np
 import pytest
 
 from dexplan.scene.description import OBJECT, STANDING, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
-from dexplan.scene.probe import HandProbe
+from dexplan.scene.probe import HandProbe, leave_out
 from dexplan.scene.scene import Scene
 
 
@@ -50,3 +53,21 @@ def test_absent_fingers_and_obstacles_do_not_count() -> None:
     assert set(probe.find_nearest(q, inside, (), (0, 1)).owners) == {OBJECT, 2}
     assert OBJECT not in probe.find_nearest(q, inside, (), (0, 1, 2)).owners
     assert probe.find_nearest(q, inside, (2,), (0, 1)).names != "finger_3/tip and object/surface"
+
+
+def test_what_is_left_out_is_these_pairs_alone() -> None:
+    scene, _ = build(Obstacle("sphere", (0.0, 0.0, 0.3), (0.004,)))
+    model, data = copy.copy(scene.model), mujoco.MjData(scene.model)
+    model.geom_margin[:] = model.body_margin[:] = 0.02
+    data.qpos[:] = scene.as_qpos(np.stack([f.q_home for f in scene.fingers]), scene.object.X_WO_home)
+    mujoco.mj_kinematics(model, data)
+
+    def collide() -> list[tuple[list[int], float]]:
+        mujoco.mj_collision(model, data)
+        return list(zip(data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True))
+
+    before = collide()
+    pairs = [(min(g), max(g)) for g, _ in before][::2]
+    leave_out(model, pairs)
+    assert collide() == [(g, d) for g, d in before if (min(g), max(g)) not in pairs]
+    assert len(pairs) > 6

@@ -5,7 +5,7 @@ Slower than a gait on orbits, which serves bodies that look the same all around 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -17,6 +17,7 @@ from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.build import build_moves
 from dexplan.planning.regrasp.ends import AnyEnd
 from dexplan.planning.regrasp.moves import Move
+from dexplan.planning.regrasp.pairs import Pair
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
 from dexplan.planning.regrasp.search import PATIENCE
 from dexplan.planning.search.engine import Engine
@@ -39,17 +40,24 @@ class FoundGait:
 class SiteGait:
     """Searches moves that take the object along a ``track`` from the contacts ``start``; can be asked to go on.
 
-    ``start`` None: from any pair that holds the object where it is.
+    ``start`` None: from any pair that holds the object where it is.  ``movers``: the pair of fingers that alone moves the object,
+    its contacts rewound while another finger stands in [paper §2.2]; None: any fingers that hold it.
     """
 
     def __init__(
-        self, hand: HandModel, admissibility: Admissibility, track: Track, start: Contacts | None
+        self,
+        hand: HandModel,
+        admissibility: Admissibility,
+        track: Track,
+        start: Contacts | None,
+        movers: Pair | None = None,
     ) -> None:
         layers = Layers(hand, admissibility, track, looks_ahead=True)
-        self._contacts, first = SiteContacts(layers), layers.poses[0]
-        self._engine = Engine(StepProblem(self._contacts, AnyEnd(), RelocationBound(layers, None)), PATIENCE)
+        self._contacts, first, self._is_rewind = SiteContacts(layers), layers.poses[0], movers is not None
+        bound = RelocationBound(layers, None, movers=movers)
+        self._engine = Engine(StepProblem(self._contacts, AnyEnd(), bound, movers=movers), PATIENCE)
         stands = (
-            list_pairs(first)
+            [stand for stand in list_pairs(first) if movers in (None, self._contacts.list_touching(stand))]
             if start is None
             else [tuple(None if c is None else first.add(c) for c in start)]
         )
@@ -74,8 +82,21 @@ class SiteGait:
             return None
         nothing: Contacts = (None,) * len(self._contacts.hand.fingers)
         start = self._contacts.layers.poses[0].placements(trace_back(last)[0].grip)
-        return FoundGait(start, build_moves(self._contacts, last, nothing, None))
+        moves = build_moves(self._contacts, last, nothing, None)
+        return FoundGait(start, _name_rewinds(moves) if self._is_rewind else moves)
 
     def explain(self) -> Refusal:
         """Return what stopped the search nearest to the end."""
         return next(iter(self._engine.list_refusals(1)), Refusal(RefusalKind.NO_PLACE))
+
+
+def _name_rewinds(moves: tuple[Move, ...]) -> tuple[Move, ...]:
+    """Return the moves; relocations between motions of the object by the same pair of fingers say that they are rewinds."""
+    carries = [k for k, move in enumerate(moves) if move.kind == "carry"]
+    if not carries:
+        return moves
+    between = range(carries[0], carries[-1])
+    return tuple(
+        replace(move, why=f"finger rewind: {move.why}") if k in between and move.kind != "carry" else move
+        for k, move in enumerate(moves)
+    )

@@ -28,13 +28,18 @@ class RelocationBound:
 
     ``roots``: per stand of three contacts the pairs of fingers whose third can go to its contact last; a stand of two is its own.
     None: any two contacts that hold are an end.
-    ``is_early``: contacts of the roots may be taken in earlier poses, too, and carried on.
+    ``is_early``: contacts of the roots may be taken in earlier poses, too, and carried on.  ``movers``: the pair of fingers that
+    alone takes the object on; None: any does.
     """
 
     def __init__(
-        self, layers: Layers, roots: Mapping[Stand, list[Pair]] | None, is_early: bool = False
+        self,
+        layers: Layers,
+        roots: Mapping[Stand, list[Pair]] | None,
+        is_early: bool = False,
+        movers: Pair | None = None,
     ) -> None:
-        self._layers, self._roots, self._is_early = layers, roots, is_early
+        self._layers, self._roots, self._is_early, self._movers = layers, roots, is_early, movers
         self._count = len(layers.hand.fingers)
         self._pairs = list(combinations(range(self._count), 2))
         self._places = PlacePairs(layers.hand, layers.poses[-1].lean_max)
@@ -175,6 +180,10 @@ class RelocationBound:
         # A pair that does not hold alone may be carried on with the third finger.
         goes_on = alone if layer == self._layers.last else holds
         before = {pair: np.where(goes_on[pair], later[pair], NEVER) for pair in self._pairs}
+        if self._movers is not None and layer < self._layers.last:
+            before |= {
+                pair: np.full_like(rows, NEVER) for pair, rows in before.items() if pair != self._movers
+            }
         if self._is_early and layer < self._layers.last:
             for end in self._ends:
                 for a, b in combinations(end, 2):

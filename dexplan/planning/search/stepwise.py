@@ -78,6 +78,8 @@ class StepProblem(Generic[Grip, Touch]):
     stop_cost: float = CARRY_COST
     is_one_go: bool = False
     """Whether no motion of the object directly follows another: what is bounded per motion is then bounded per grip."""
+    movers: tuple[int, ...] | None = None
+    """The fingers that alone may move the object, as one pair does where contacts are rewound; None: any that hold it."""
 
     def __post_init__(self) -> None:
         self._last = self.contacts.count_stops(0)
@@ -162,6 +164,7 @@ class StepProblem(Generic[Grip, Touch]):
             return Expansion(refused=(self._explain(node, refusal),), is_failure=True)
         children, refused = list[Node[Grip]](), list[Refused]()
         may_go = not (self.is_one_go and node.find_move(Go) is not None)
+        may_go &= self.movers is None or self.contacts.list_touching(node.grip) == self.movers
         if node.at.stop < self._last and may_go:
             reach = self.contacts.go(node.grip, node.at)
             carry_on = replace(node, moves=())

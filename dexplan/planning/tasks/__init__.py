@@ -5,6 +5,7 @@
 ``object_manipulation``    ``plan_rotation``: turns, attitudes and shifts by gaits [paper §1 (1)]
 ``grasp_adjustment``       ``plan_grasp_adjustment``: goal contacts, whatever the pose [paper §1 (2)]
 ``dextrous_manipulation``  ``plan_dextrous_manipulation``: both, in three orders [paper §1 (3)]
+``by_shape``               ``plan_gait``: gaits for balls and for other bodies
 ``starting``               ``Start``: the contacts that a problem begins with
 ``waypoints``              ``plan_waypoints``: several goals in a row, from grasp to grasp
 ``fixed_contacts``         ``plan_fixed_contacts``: no finger leaves its contact
@@ -30,6 +31,7 @@ that do not let go turn the ball by 20 degrees.
 
 __all__ = [
     "blocked",
+    "by_shape",
     "dextrous_manipulation",
     "fixed_contacts",
     "grasp_adjustment",

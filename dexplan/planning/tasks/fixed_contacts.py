@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import (
@@ -21,7 +22,9 @@ from dexplan.planning.admissible.admissibility import (
 )
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.tasks.object_manipulation import plan_rotation
+from dexplan.planning.contacts.start_pairs import list_pairs
+from dexplan.planning.contacts.still import StillContacts
+from dexplan.planning.tasks.by_shape import plan_gait
 from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action, MoveObject
 from dexplan.plans.contacts import Contacts, Placement
@@ -36,6 +39,8 @@ from dexplan.spatial import Array, read_only
 CURE = 'allow "substitution" or "rewind" in gait.primitives'
 LOOK_AHEAD = 2.0 * np.pi
 """How far a turn is followed beyond the goal to find its limit [rad]."""
+PAIRS = 48
+"""So many pairs of contacts on a body are tried where the start may be chosen, the least strained first."""
 FINE = float(np.radians(0.5))
 """Spacing of samples, and so how exactly a limit is known [rad]."""
 
@@ -114,7 +119,7 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
     """
     still = RotationGoal(goal.X_WO_start, goal.axis_W, 0.0)
     plan = replace(
-        plan_rotation(hand, still, start, node_budget),
+        plan_gait(hand, still, start, node_budget),
         X_WO_goal=goal.X_WO_goal,
         axis_W=goal.axis_W,
         turned_angle=None if goal.is_attitude else goal.angle,
@@ -123,6 +128,10 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
         return plan
     admissibility = Admissibility(hand)
     motion = goal.motion
+    if start is None and not isinstance(hand.object.body, BallBody):
+        # On a ball every pair is like every other, turned; elsewhere some go farther.
+        farthest = _choose_pair(hand, admissibility, motion) or plan.start_contacts
+        plan = replace(plan, start_contacts=farthest)
     contacts = tuple(
         c if c is None or _is_pose_given(start, c.finger) else center_spin(hand, c, motion)
         for c in plan.start_contacts
@@ -158,6 +167,22 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
         actions=actions,
         statistics=statistics,
     )
+
+
+def _choose_pair(hand: HandModel, admissibility: Admissibility, motion: ObjectMotion) -> Contacts | None:
+    """Return the first of the pairs that hold the object which takes it through ``motion``, or the one that comes farthest."""
+    still = StillContacts(hand, motion.X_WO_start, admissibility)
+    farthest: tuple[int, Contacts | None] = 0, None
+    for stand in list_pairs(still)[:PAIRS]:
+        if not still.judge(stand).is_admissible:
+            continue
+        contacts = tuple(None if c is None else center_spin(hand, c, motion) for c in still.placements(stand))
+        reach = compute_fixed_reach(hand, admissibility, contacts, motion)
+        if reach.count > farthest[0]:
+            farthest = reach.count, contacts
+        if reach.limit is None:
+            break
+    return farthest[1]
 
 
 def _is_pose_given(start: Start, finger: int) -> bool:

@@ -6,7 +6,7 @@ It is what gaits on orbits are held against, and the path of objects that look t
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import count
+from itertools import combinations, count, product
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from dexplan.planning.contacts.still import Stand, StillContacts
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.gait.routes import build_routes
 from dexplan.planning.regrasp.any_grip import FoundGait, SiteGait
+from dexplan.planning.search.options import Primitive
 from dexplan.planning.tasks.blocked import (
     StartContact,
     find_start_direction,
@@ -31,7 +32,7 @@ from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import refuse
 from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
 from dexplan.planning.tasks.starting import Start
-from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.contacts import Contacts, Placement, list_holding
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
@@ -42,29 +43,37 @@ STRETCH = 20
 """Nodes that the search of a route may open before another may have its turn."""
 
 
-def plan_rotation_on_sites(hand: HandModel, goal: RotationGoal, start: Start, node_budget: int) -> Plan:
+def plan_rotation_on_sites(
+    hand: HandModel,
+    goal: RotationGoal,
+    start: Start,
+    node_budget: int,
+    primitives: tuple[Primitive, ...] = ("substitution",),
+) -> Plan:
     """Return a plan that takes the object to ``goal`` by finger gaiting, as ``plan_rotation`` does on orbits.
 
-    No plan is an answer with a status: ``no_gait`` where everything was tried, ``budget_exhausted`` where nodes ran out, or one
-    of those that refuse a start.
+    ``primitives``: with "rewind" alone one pair of fingers moves the object; else any fingers do, and each relocation may be
+    one of either kind.  No plan is an answer with a status: ``no_gait`` where everything was tried, ``budget_exhausted`` where
+    nodes ran out, or one of those that refuse a start.
     """
     admissibility = Admissibility(hand)
     landed = None if start is None else _land_start(hand, admissibility, goal, start)
     if isinstance(landed, No):
         return refuse(hand, goal, landed.status, landed.reason, landed.refusal)
     tracks = [Track(tuple(map(_as_motion, route))) for route in build_routes(goal)]
+    ways = list(product(tracks, _list_movers(hand, landed, primitives)))
     begun: list[SiteGait] = []
     opened = 0
     for turn in count():
-        # One route more has its turn every time; each goes on where it stopped.
-        if turn < len(tracks):
-            first = tracks[turn].motions[0]
-            contacts = landed and _center_spins(hand, landed, start, first)
-            begun.append(SiteGait(hand, admissibility, tracks[turn], contacts))
-            if not begun[0].has_start:
+        # One way more has its turn every time; each goes on where it stopped.
+        if turn < len(ways):
+            track, movers = ways[turn]
+            contacts = landed and _center_spins(hand, landed, start, track.motions[0])
+            begun.append(SiteGait(hand, admissibility, track, contacts, movers))
+            if turn + 1 == len(ways) // len(tracks) and not any(gait.has_start for gait in begun):
                 return _refuse_every_start(hand, goal, admissibility)
         going = [gait for gait in begun if not gait.is_exhausted]
-        if opened >= node_budget or not (going or turn < len(tracks)):
+        if opened >= node_budget or not (going or turn < len(ways)):
             break
         for gait in going:
             before = gait.opened
@@ -76,6 +85,16 @@ def plan_rotation_on_sites(hand: HandModel, goal: RotationGoal, start: Start, no
     status = Status.BUDGET_EXHAUSTED if any(not gait.is_exhausted for gait in begun) else Status.NO_GAIT
     reason = f"no gait on sites within {opened} nodes ({why})"
     return replace(refuse(hand, goal, status, reason, why), statistics={"nodes": float(opened)})
+
+
+def _list_movers(
+    hand: HandModel, start: Contacts | None, primitives: tuple[Primitive, ...]
+) -> list[tuple[int, int] | None]:
+    """Return the pairs of fingers of which one alone is to move the object; None where any fingers may."""
+    if "substitution" in primitives:
+        return [None]
+    fingers = range(len(hand.fingers)) if start is None else list_holding(start)
+    return list(combinations(fingers, 2))
 
 
 def _as_motion(leg: Leg) -> ObjectMotion:

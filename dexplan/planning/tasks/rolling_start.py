@@ -18,9 +18,9 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.rolling.roll_gait import RollPlan, RollToPair, build_roll_actions
 from dexplan.planning.search.cost import Improvement
 from dexplan.planning.search.options import Primitive
+from dexplan.planning.tasks.by_shape import plan_gait
 from dexplan.planning.tasks.ends import Beginning
 from dexplan.planning.tasks.object_manipulation import FIRST, plan_rotation
-from dexplan.planning.tasks.on_sites import plan_rotation_on_sites
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
 from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
@@ -49,9 +49,9 @@ def plan_object_manipulation(
     improvement: Improvement = FIRST,
 ) -> Plan:
     """Return a plan that takes the object to ``goal``; arguments as in :func:`plan_rotation`."""
+    plan = plan_gait(hand, goal, start, node_budget, primitives, improvement)
     if not isinstance(hand.object.body, BallBody):
-        return plan_rotation_on_sites(hand, goal, start, node_budget)
-    plan = plan_rotation(hand, goal, start, node_budget, primitives, improvement)
+        return plan
     touching = sum(c is not None for c in plan.start_contacts)
     if plan.status not in STUCK or touching < 2:
         return plan
