@@ -52,7 +52,7 @@ def test_beyond_the_limit_of_fixed_contacts_is_a_truthful_no() -> None:
 
 
 def test_rewinds_alone_turn_an_egg_with_one_pair() -> None:
-    plan = turn(EGG, ["rewind"], 100.0)
+    plan = turn(EGG, ["rewind"], 160.0)
     assert plan.is_solved, plan.reason
     moves = [k for k, a in enumerate(plan.actions) if a.name == "move_object"]
     pairs = {plan.actions[k].grasping for k in moves}

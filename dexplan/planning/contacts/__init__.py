@@ -12,6 +12,7 @@
 ``held``              contacts of such a table, and questions to it
 ``stops``             what ends the motion that a contact is carried through
 ``landings``          where a finger can touch: sites all over the object, and whether and how a tip gets to them
+``spot_pairs``        ``SpotPairs``: many pairs of contacts at once
 ``still``             ``StillContacts``: contacts around an object that stands still, of any place and posture
 ``start_pairs``       ``list_pairs``: pairs of contacts where a plan may begin if the planner may choose
 ``track``             ``Track``: the object's way, with stops at which fingers may be relocated
@@ -48,6 +49,7 @@ __all__ = [
     "rolling_stations",
     "rolling_touches",
     "site_contacts",
+    "spot_pairs",
     "start_pairs",
     "states",
     "still",

@@ -87,7 +87,7 @@ def build_landings(
 
 
 def find_reach(hand: HandModel, poses: Sequence[Array], finger: int) -> NDArray[np.bool_]:
-    """Return in which of K ``poses`` (4, 4) of the object a finger can touch which of its sites: (K, N), with any tilt of the pole.
+    """Return in which of K ``poses`` (4, 4) of the object a finger can touch which site: (K, N), with any tilt of the pole.
 
     As :func:`build_landings` says, for all poses at once.
     """

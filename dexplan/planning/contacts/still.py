@@ -18,16 +18,17 @@ from dexplan.planning.admissible.admissibility import (
     compute_finger_states,
 )
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.admissible.loads import compute_object_wrench, compute_pair_loads
+from dexplan.planning.admissible.loads import compute_object_wrench
 from dexplan.planning.admissible.order import keep_order, keeps_order
 from dexplan.planning.admissible.separation import compute_pair_angle_max
 from dexplan.planning.contacts.landings import TILTS, build_landings, find_facing, list_sites
 from dexplan.planning.contacts.spins import center_spins
+from dexplan.planning.contacts.spot_pairs import SpotPairs, pair_all
 from dexplan.planning.ways.detour import Surroundings
 from dexplan.planning.ways.travel import Way, find_way
 from dexplan.plans.contacts import Placement
 from dexplan.plans.refusal import Refusal, RefusalKind
-from dexplan.spatial import Array, lock_arrays
+from dexplan.spatial import Array
 
 Stand = tuple[int | None, ...]
 """Per finger the number of its spot, None where it is free (at home)."""
@@ -41,38 +42,6 @@ DETOURS = 4
 def change_stand(stand: Stand, finger: int, spot: int | None) -> Stand:
     """Return the stand with one finger elsewhere."""
     return (*stand[:finger], spot, *stand[finger + 1 :])
-
-
-@dataclass(frozen=True, eq=False)
-class SpotPairs:
-    """N pairs of contacts: outward ``normals`` and ``arms`` [m] from the object's origin, (N, 2, 3) each, in W."""
-
-    normals: Array
-    arms: Array
-
-    def __post_init__(self) -> None:
-        lock_arrays(self)
-
-    @property
-    def leans(self) -> Array:
-        """The larger angle (N,) [rad] of each pair's chord from its normals."""
-        return measure_chord_lean(self.arms, self.normals)
-
-    def compute_loads(self, hand: HandModel, wrench: Array) -> Array:
-        """Return which share (N,) of the believed cone it takes to exert ``wrench`` (6,) about the origin."""
-        if not len(self.normals):
-            return np.zeros(0)
-        first, second = self.normals[:, 0], self.normals[:, 1]
-        arms = self.arms[:, 0], self.arms[:, 1]
-        return compute_pair_loads(hand, first, second, wrench, arms).utilisation
-
-    def turned(self, R: Array) -> SpotPairs:
-        """Return the pairs turned by R (3, 3) about the object's origin."""
-        return SpotPairs(self.normals @ R.T, self.arms @ R.T)
-
-    def take(self, rows: NDArray[np.bool_]) -> SpotPairs:
-        """Return those pairs that ``rows`` (N,) names."""
-        return SpotPairs(self.normals[rows], self.arms[rows])
 
 
 @dataclass(eq=False)
@@ -147,31 +116,20 @@ class StillContacts:
     def list_loads(self, a: int, b: int) -> Array:
         """Return which share of the believed cone it takes to hold with landings of two fingers, (N, M) for all of both."""
         # Landings at one place differ in their tip poses alone, which the load does not ask for.
-        (n_a, p_a, which_a), (n_b, p_b, which_b) = (self._list_places(self.landings(f)) for f in (a, b))
-        shape = len(n_a), len(n_b), 3
-        pairs = SpotPairs(
-            *(
-                np.stack([np.broadcast_to(u[:, None], shape), np.broadcast_to(v, shape)], axis=2).reshape(
-                    -1, 2, 3
-                )
-                for u, v in ((n_a, n_b), (p_a, p_b))
-            )
-        )
-        return self._compute_loads(pairs).reshape(shape[:2])[np.ix_(which_a, which_b)]
+        (first, which_a), (second, which_b) = (self._list_places(self.landings(f)) for f in (a, b))
+        used = self._compute_loads(pair_all(first, second)).reshape(len(first), len(second))
+        return used[np.ix_(which_a, which_b)]
 
-    def _list_places(self, spots: list[int]) -> tuple[Array, Array, NDArray[np.intp]]:
-        """Return normals and arms (N, 3) in W of the places at which spots are, and which place each spot has."""
+    def _list_places(self, spots: list[int]) -> tuple[Array, NDArray[np.intp]]:
+        """Return normals and arms (N, 2, 3) in W of the places at which spots are, and which place each spot has."""
         rows = np.array([[*self._normals[s], *self._arms[s]] for s in spots]).reshape(-1, 6)
         places, which = np.unique(rows, axis=0, return_inverse=True)
-        return places[:, :3], places[:, 3:], which.reshape(-1)
+        return places.reshape(-1, 2, 3), which.reshape(-1)
 
     def _compute_loads(self, pairs: SpotPairs) -> Array:
         """Return which share (N,) of the believed cone pairs use; inf where they are not force closed with a margin."""
         wrench = compute_object_wrench(self.hand, None, self.X_WO[:3, :3])
-        closed = pairs.leans < self.lean_max
-        used = np.full(len(closed), np.inf)
-        used[closed] = pairs.take(closed).compute_loads(self.hand, wrench)
-        return used
+        return pairs.compute_closed_loads(self.hand, wrench, self.lean_max)
 
     def pair_with(self, finger: int, partner: int) -> SpotPairs:
         """Return the pairs of ``partner`` with each of the landings of a finger."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench, sure_share
 from dexplan.planning.admissible.order import ORDER_GAP
-from dexplan.planning.contacts.still import SpotPairs
+from dexplan.planning.contacts.spot_pairs import SpotPairs
 from dexplan.spatial import Array
 
 Pair = tuple[int, int]
