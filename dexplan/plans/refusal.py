@@ -86,6 +86,8 @@ class RefusalKind(StrEnum):
     CANNOT_CARRY_ON = "cannot_carry_on", "the object cannot be carried on, {because}"
     NOT_ALONE = "not_alone", "the other two do not hold alone"
     NO_PLACE = "no_place", "no place lets another finger go"
+    NO_PAIR = "no_pair", "no two fingers hold the object somewhere on its way"
+    NO_CHAIN = "no_chain", "no exchange of fingers leads on"
     NO_ROOM = "no_room", "a third finger would find no room beside them either"
     # gaits
     THEOREM_1 = "theorem_1", "there is no gait for {who} [paper, Theorem 1]", "", "deg"

@@ -16,6 +16,7 @@ from dexplan.planning.contacts.start_pairs import list_pairs
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.build import build_moves
 from dexplan.planning.regrasp.ends import AnyEnd
+from dexplan.planning.regrasp.missing_chain import explain_missing_chain
 from dexplan.planning.regrasp.moves import Move
 from dexplan.planning.regrasp.pairs import Pair
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
@@ -24,7 +25,7 @@ from dexplan.planning.search.engine import Engine
 from dexplan.planning.search.nodes import Node, trace_back
 from dexplan.planning.search.stepwise import StepProblem
 from dexplan.plans.contacts import Contacts
-from dexplan.plans.refusal import Refusal, RefusalKind
+from dexplan.plans.refusal import Refusal
 
 START = Progress(0, 0)
 
@@ -54,15 +55,15 @@ class SiteGait:
     ) -> None:
         layers = Layers(hand, admissibility, track, looks_ahead=True)
         self._contacts, first, self._is_rewind = SiteContacts(layers), layers.poses[0], movers is not None
-        bound = RelocationBound(layers, None, movers=movers)
-        self._engine = Engine(StepProblem(self._contacts, AnyEnd(), bound, movers=movers), PATIENCE)
-        stands = (
+        self._bound = RelocationBound(layers, None, movers=movers)
+        self._engine = Engine(StepProblem(self._contacts, AnyEnd(), self._bound, movers=movers), PATIENCE)
+        self._starts = (
             [stand for stand in list_pairs(first) if movers in (None, self._contacts.list_touching(stand))]
             if start is None
             else [tuple(None if c is None else first.add(c) for c in start)]
         )
-        self.has_start = bool(stands)
-        for number, stand in enumerate(stands):
+        self.has_start = bool(self._starts)
+        for number, stand in enumerate(self._starts):
             self._engine.push(Node(START, stand, origin=number))
 
     @property
@@ -86,8 +87,9 @@ class SiteGait:
         return FoundGait(start, _name_rewinds(moves) if self._is_rewind else moves)
 
     def explain(self) -> Refusal:
-        """Return what stopped the search nearest to the end."""
-        return next(iter(self._engine.list_refusals(1)), Refusal(RefusalKind.NO_PLACE))
+        """Return what stopped the search nearest to the end, or why it could not begin."""
+        refusals = self._engine.list_refusals(1)
+        return refusals[0] if refusals else explain_missing_chain(self._bound, self._starts)
 
 
 def _name_rewinds(moves: tuple[Move, ...]) -> tuple[Move, ...]:

@@ -27,7 +27,8 @@ class RelocationBound:
     """Lower bounds on the way through ``layers`` into one of the stands ``roots`` in the last of them.
 
     ``roots``: per stand of three contacts the pairs of fingers whose third can go to its contact last; a stand of two is its own.
-    None: any two contacts that hold are an end.
+    None: any two contacts that hold are an end.  ``places`` has the places that are known, ``within`` per pose and finger those
+    within reach by number.
     ``is_early``: contacts of the roots may be taken in earlier poses, too, and carried on.  ``movers``: the pair of fingers that
     alone takes the object on; None: any does.
     """
@@ -39,11 +40,11 @@ class RelocationBound:
         is_early: bool = False,
         movers: Pair | None = None,
     ) -> None:
-        self._layers, self._roots, self._is_early, self._movers = layers, roots, is_early, movers
+        self.layers, self._roots, self._is_early, self._movers = layers, roots, is_early, movers
         self._count = len(layers.hand.fingers)
-        self._pairs = list(combinations(range(self._count), 2))
-        self._places = PlacePairs(layers.hand, layers.poses[-1].lean_max)
-        self._within: list[list[set[int]]] = [[set() for _ in range(self._count)] for _ in layers.poses]
+        self.pairs = list(combinations(range(self._count), 2))
+        self.places = PlacePairs(layers.hand, layers.poses[-1].lean_max)
+        self.within: list[list[set[int]]] = [[set() for _ in range(self._count)] for _ in layers.poses]
         self._dead: set[tuple[int, Pair, int, int]] = set()
         self._distances: list[dict[Pair, Array]] = [{} for _ in layers.poses]
         self._stale = layers.last
@@ -51,47 +52,47 @@ class RelocationBound:
             self._note_reach()
         else:
             self._note_landings()
-        self._ends = [self._numbers(layers.last, stand) for stand in roots or ()]
+        self._ends = [self.number_stand(layers.last, stand) for stand in roots or ()]
         for end in self._ends:
             for finger, number in end.items():
-                for within in self._within[0 if is_early else layers.last :]:
+                for within in self.within[0 if is_early else layers.last :]:
                     within[finger].add(number)
 
     def _note_reach(self) -> None:
         """Note the places that fingers reach in each pose: with whichever spin, which costs less than to find the best."""
-        sites = list_sites(self._layers.hand)
-        numbers = self._places.number_all(sites.points, sites.normals)
+        sites = list_sites(self.layers.hand)
+        numbers = self.places.number_all(sites.points, sites.normals)
         for finger in range(self._count):
-            table = find_reach(self._layers.hand, [still.X_WO for still in self._layers.poses], finger)
-            for within, reached in zip(self._within, table, strict=True):
+            table = find_reach(self.layers.hand, [still.X_WO for still in self.layers.poses], finger)
+            for within, reached in zip(self.within, table, strict=True):
                 within[finger].update(numbers[reached].tolist())
 
     def _note_landings(self) -> None:
         """Note the landings of each pose: what can be put down in one is still within reach in the next."""
-        layers = self._layers
+        layers = self.layers
         for layer, still in enumerate(layers.poses):
             for finger in range(self._count):
                 found = {self._number(layer, spot) for spot in still.landings(finger)}
                 for pose in {layer, min(layer + 1, layers.last)}:
-                    self._within[pose][finger] |= found
+                    self.within[pose][finger] |= found
 
     def refuse(self, layer: int, stand: Stand) -> None:
         """Take into account that two contacts turned out not to hold by themselves."""
-        numbers = self._numbers(layer, stand)
+        numbers = self.number_stand(layer, stand)
         if len(numbers) == 2:
             (a, i), (b, j) = numbers.items()
             self._dead.add((layer, (a, b), i, j))
-            if not self._layers.looks_ahead:
+            if not self.layers.looks_ahead:
                 # On long ways measuring again takes longer than looking at a few pairs like it.
                 self._stale = max(self._stale, layer)
 
     def count_moves(self, layer: int, stand: Stand) -> float:
         """Return how many placements and lifts are missing at least; inf where there is no way."""
         self._note(layer, stand)
-        numbers = self._numbers(layer, stand)
-        if (self._is_early or layer == self._layers.last) and numbers in self._ends:
+        numbers = self.number_stand(layer, stand)
+        if (self._is_early or layer == self.layers.last) and numbers in self._ends:
             return 0.0
-        if self._roots is None and layer == self._layers.last:
+        if self._roots is None and layer == self.layers.last:
             return 0.0
         self._solve()
         found = self._distances[layer]
@@ -107,14 +108,19 @@ class RelocationBound:
         self._solve()
         return sum(int(np.isfinite(rows).sum()) for rows in self._distances[-1].values())
 
+    def has_way(self, layer: int) -> bool:
+        """Return whether there may be a way to the end from any pair of places in the pose ``layer``."""
+        self._solve()
+        return any(bool(np.isfinite(rows).any()) for rows in self._distances[layer].values())
+
     def _note(self, layer: int, stand: Stand) -> None:
         """Take contacts into account that are on no grid, there and in all later poses."""
-        for finger, number in self._numbers(layer, stand).items():
-            if number not in self._within[layer][finger]:
-                self._stale = self._layers.last
-                for pose in range(layer, self._layers.last + 1):
+        for finger, number in self.number_stand(layer, stand).items():
+            if number not in self.within[layer][finger]:
+                self._stale = self.layers.last
+                for pose in range(layer, self.layers.last + 1):
                     if pose == layer or self._may_reach(pose, finger, number):
-                        self._within[pose][finger].add(number)
+                        self.within[pose][finger].add(number)
 
     def _may_reach(self, pose: int, finger: int, number: int) -> bool:
         """Return whether a contact that is on no grid may be within reach at a later pose.
@@ -123,28 +129,28 @@ class RelocationBound:
         """
         if self._roots is not None:
             return True
-        X_WO = self._layers.poses[pose].X_WO
-        rows = self._places.normals[number][None], self._places.points[number][None]
-        return build_landings(self._layers.hand, X_WO, finger, *rows)[0] is not None
+        X_WO = self.layers.poses[pose].X_WO
+        rows = self.places.normals[number][None], self.places.points[number][None]
+        return build_landings(self.layers.hand, X_WO, finger, *rows)[0] is not None
 
-    def _numbers(self, layer: int, stand: Stand) -> dict[int, int]:
+    def number_stand(self, layer: int, stand: Stand) -> dict[int, int]:
         """Return per finger that touches the number of its contact's place."""
         return {f: self._number(layer, s) for f, s in enumerate(stand) if s is not None}
 
     def _number(self, layer: int, spot: int) -> int:
-        contact = self._layers.poses[layer].spots[spot]
-        known = len(self._places)
-        number = self._places.number(contact.point_O, contact.normal_O)
-        if len(self._places) > known:
-            self._stale = self._layers.last
+        contact = self.layers.poses[layer].spots[spot]
+        known = len(self.places)
+        number = self.places.number(contact.point_O, contact.normal_O)
+        if len(self.places) > known:
+            self._stale = self.layers.last
         return number
 
     def _solve(self) -> None:
         """Measure the distances that are out of date, in the last pose first."""
         if self._stale < 0:
             return
-        layers = self._layers
-        is_apart, holds = self._places.find_apart(), self._places.find_closed()
+        layers = self.layers
+        is_apart, holds = self.places.find_apart(), self.places.find_closed()
         if self._stale < layers.last:
             later = self._distances[self._stale + 1]
         else:
@@ -160,8 +166,8 @@ class RelocationBound:
             beside, bear = is_apart, holds
             if layers.looks_ahead:
                 R_WO = layers.poses[layer].X_WO[:3, :3]
-                beside, bear = self._places.keep_order(R_WO), self._places.find_bearing(R_WO)
-            hold = {pair: is_apart[pair] & bear for pair in self._pairs}
+                beside, bear = self.places.keep_order(R_WO), self.places.find_bearing(R_WO)
+            hold = {pair: is_apart[pair] & bear for pair in self.pairs}
             later = self._distances[layer] = self._spread(layer, later, beside, hold)
         self._stale = -1
 
@@ -169,29 +175,29 @@ class RelocationBound:
         self, layer: int, later: dict[Pair, Array], is_apart: dict[Pair, Bools], holds: dict[Pair, Bools]
     ) -> dict[Pair, Array]:
         """Return the distances in a pose, where ``later`` has those of the next, or of the goal itself."""
-        within = [np.array(sorted(rows), dtype=np.intp) for rows in self._within[layer]]
-        grid = {(a, b): np.ix_(within[a], within[b]) for a, b in self._pairs}
-        apart = {pair: is_apart[pair][grid[pair]] for pair in self._pairs}
-        alone = {pair: holds[pair].copy() for pair in self._pairs}
+        within = [np.array(sorted(rows), dtype=np.intp) for rows in self.within[layer]]
+        grid = {(a, b): np.ix_(within[a], within[b]) for a, b in self.pairs}
+        apart = {pair: is_apart[pair][grid[pair]] for pair in self.pairs}
+        alone = {pair: holds[pair].copy() for pair in self.pairs}
         for pose, pair, i, j in self._dead:
             if pose == layer:
                 alone[pair][i, j] = False
-        free = {pair: alone[pair][grid[pair]] for pair in self._pairs}
+        free = {pair: alone[pair][grid[pair]] for pair in self.pairs}
         # A pair that does not hold alone may be carried on with the third finger.
-        goes_on = alone if layer == self._layers.last else holds
-        before = {pair: np.where(goes_on[pair], later[pair], NEVER) for pair in self._pairs}
-        if self._movers is not None and layer < self._layers.last:
+        goes_on = alone if layer == self.layers.last else holds
+        before = {pair: np.where(goes_on[pair], later[pair], NEVER) for pair in self.pairs}
+        if self._movers is not None and layer < self.layers.last:
             before |= {
                 pair: np.full_like(rows, NEVER) for pair, rows in before.items() if pair != self._movers
             }
-        if self._is_early and layer < self._layers.last:
+        if self._is_early and layer < self.layers.last:
             for end in self._ends:
                 for a, b in combinations(end, 2):
                     before[a, b][end[a], end[b]] = min(before[a, b][end[a], end[b]], len(end) - 2.0)
-        found = {pair: before[pair][grid[pair]] for pair in self._pairs}
+        found = {pair: before[pair][grid[pair]] for pair in self.pairs}
         step = 0.0
         while any(np.any(np.isfinite(rows) & (rows >= step)) for rows in found.values()):
-            for a, b in self._pairs:
+            for a, b in self.pairs:
                 here = found[a, b] == step
                 if not here.any():
                     continue
@@ -203,8 +209,8 @@ class RelocationBound:
                         there = found[pair]
                         there[new & free[pair] & (there > step + 1.0)] = step + 1.0
             step += 1.0
-        whole = {pair: np.full(holds[pair].shape, NEVER) for pair in self._pairs}
-        for pair in self._pairs:
+        whole = {pair: np.full(holds[pair].shape, NEVER) for pair in self.pairs}
+        for pair in self.pairs:
             whole[pair][grid[pair]] = found[pair]
         return whole
 

@@ -30,13 +30,13 @@ from dexplan.planning.tasks.blocked import (
 )
 from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import refuse
-from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair
+from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair, spell_no_pair
 from dexplan.planning.tasks.starting import Start
 from dexplan.plans.contacts import Contacts, Placement, list_holding
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
-from dexplan.plans.refusal import Cure, Refusal, RefusalKind
+from dexplan.plans.refusal import Cure, Refusal
 from dexplan.plans.status import Status
 
 STRETCH = 20
@@ -71,7 +71,7 @@ def plan_rotation_on_sites(
             contacts = landed and _center_spins(hand, landed, start, track.motions[0])
             begun.append(SiteGait(hand, admissibility, track, contacts, movers))
             if turn + 1 == len(ways) // len(tracks) and not any(gait.has_start for gait in begun):
-                return _refuse_every_start(hand, goal, admissibility)
+                return _refuse_every_start(hand, goal, admissibility, begun[0])
         going = [gait for gait in begun if not gait.is_exhausted]
         if opened >= node_budget or not (going or turn < len(ways)):
             break
@@ -83,7 +83,8 @@ def plan_rotation_on_sites(
                 return _build(hand, goal, found, opened)
     why = begun[0].explain()
     status = Status.BUDGET_EXHAUSTED if any(not gait.is_exhausted for gait in begun) else Status.NO_GAIT
-    reason = f"no gait on sites within {opened} nodes ({why})"
+    # Where no node was opened, it is the geometry that says no.
+    reason = f"no gait on sites within {opened} nodes ({why})" if opened else f"no gait: {spell_no_pair(why)}"
     return replace(refuse(hand, goal, status, reason, why), statistics={"nodes": float(opened)})
 
 
@@ -123,13 +124,15 @@ def _build(hand: HandModel, goal: RotationGoal, found: FoundGait, opened: int) -
     )
 
 
-def _refuse_every_start(hand: HandModel, goal: RotationGoal, admissibility: Admissibility) -> Plan:
+def _refuse_every_start(
+    hand: HandModel, goal: RotationGoal, admissibility: Admissibility, gait: SiteGait
+) -> Plan:
     """Return the answer where no pair of landings holds the object at its start."""
     if isinstance(hand.object.body, BallBody):
         refusal = explain_no_pair(PairSurvey(hand, goal.X_WO_start, admissibility))
     else:
-        refusal = Refusal(RefusalKind.NO_PLACE)
-    reason = f"no two fingers can hold the object: {refusal}"
+        refusal = gait.explain()
+    reason = f"no two fingers can hold the object: {spell_no_pair(refusal)}"
     return refuse(hand, goal, Status.NO_FORCE_CLOSURE_PAIR, reason, refusal)
 
 
