@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dexplan.scene.mesh_file import Mesh
 
 KEY = "object.shape"
-MOST_CORNERS = 600
+MOST_CORNERS = 2_000
 """A body of more corners costs more in planning and physics than a fingertip can feel."""
 MOST_FILLED = 1.25
 """A hull of more than this times the mesh's volume is another body than the one in the file."""

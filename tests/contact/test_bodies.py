@@ -12,6 +12,7 @@ from dexplan.contact.bodies.edged import BoxBody, CylinderBody
 from dexplan.contact.bodies.polyhedron import PolyhedronBody
 from dexplan.contact.bodies.sites import build_sites
 from dexplan.contact.bodies.smooth import BallBody, CapsuleBody, EllipsoidBody
+from dexplan.icosphere import build_icosphere
 from dexplan.spatial import Array
 
 COUNT = 10_000
@@ -220,6 +221,26 @@ def test_the_middle_of_a_face_is_a_site_and_edges_are_measured_along_faces() -> 
     points = box.radial(np.random.default_rng(9).normal(size=(500, 3)))
     assert np.allclose(same.measure_edge_distance(points), box.measure_edge_distance(points), atol=1e-12)
     assert CylinderBody(0.03, 0.04).measure_edge_distance([0.01, 0.0, 0.04]) == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(("corners", "is_round"), [(17, False), (19, True), (40, True)])
+def test_edges_that_hardly_bend_are_a_round_surface_cut_into_facets(corners: int, is_round: bool) -> None:
+    """A prism of 18 faces bends by 20 degrees from one to the next; its rims are sharp whatever the number."""
+    body = PolyhedronBody(_prism(corners))
+    assert len(body.edges) == (2 if is_round else 3) * corners
+    wall = body.radial(np.array([[np.cos(a), np.sin(a), 0.2] for a in np.linspace(0.0, 6.0, 50)]))
+    nearest = body.measure_edge_distance(wall).min()
+    assert (nearest > 0.02) == is_round
+    assert len(build_sites(body, 0.01, 0.004)) > 30
+
+
+def test_a_fine_mesh_of_an_egg_is_as_good_to_land_on_as_the_egg() -> None:
+    egg = EllipsoidBody(0.03, 0.03, 0.04)
+    mesh = PolyhedronBody(build_icosphere(3).vertices * [0.03, 0.03, 0.04])
+    assert len(mesh.edges) == 0
+    count, least = len(build_sites(mesh, 0.008, 0.004)), len(build_sites(egg, 0.008, 0.004))
+    assert count > 0.8 * least
+    assert np.isinf(mesh.measure_edge_distance(mesh.radial(np.eye(3)))).all()
 
 
 def test_symmetry() -> None:

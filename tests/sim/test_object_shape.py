@@ -33,6 +33,8 @@ SHAPES: dict[str, dict[str, Any]] = {
     "box": {"kind": "box", "half_sizes_m": [0.03, 0.02, 0.04]},
     "cloud": {"kind": "mesh", "vertices_m": CLOUD},
 }
+ROUND = np.array([[np.cos(a), np.sin(a)] for a in np.arange(24) * np.pi / 12]) * 0.03
+SHAPES["faceted"] = {"kind": "mesh", "vertices_m": [[*p, z] for p in ROUND.tolist() for z in (-0.03, 0.03)]}
 GIVEN = {
     "com_m": [0.004, -0.003, 0.002],
     "inertia_kg_m2": [[5e-5, 4e-6, 0.0], [4e-6, 6e-5, -3e-6], [0.0, -3e-6, 4e-5]],

@@ -13,6 +13,10 @@ from dexplan.spatial import Array, lock_arrays
 
 _BISECTIONS = 60
 """Halvings of a ray that is searched for the surface: the last is shorter than a rounding error of the body's size."""
+SHARP = float(np.radians(20.0))
+"""An edge is sharp where the surface bends by this much or more [rad].  Less, and what meets there is taken for a surface that
+was cut into facets: a normal that is off by the half of it stays well inside the cone of friction.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +118,7 @@ class ConvexBody(ABC):
 
     @abstractmethod
     def measure_edge_distance(self, point: ArrayLike) -> Array:
-        """Return how far (...) [m] points (..., 3) on the surface are from the nearest sharp edge, along the surface.
+        """Return how far (...) [m] points (..., 3) on the surface are from the nearest sharp edge (see :data:`SHARP`).
 
         Infinite where there is no edge on the part of the surface that the point lies on.
         """

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, QhullError
 
 from dexplan.brief import brief_repr
-from dexplan.contact.bodies.body import ConvexBody, Flat, Projection, Solid, as_points
+from dexplan.contact.bodies.body import SHARP, ConvexBody, Flat, Projection, Solid, as_points
 from dexplan.spatial import Array, lock_arrays, read_only
 
 _CHUNK = 200_000
@@ -99,6 +99,20 @@ class PolyhedronBody(ConvexBody):
         """As :attr:`ConvexBody.bound`."""
         return float(np.linalg.norm(self.vertices, axis=1).max())
 
+    @cached_property
+    def edges(self) -> Array:
+        """The edges (E, 2, 3) [m] at which the surface bends by :data:`SHARP` or more; a mesh of a round body has none."""
+        planes, of_triangle = self._faces
+        normals = planes[of_triangle, :3]
+        found = []
+        for triangle, (corners, others) in enumerate(
+            zip(self._qhull.simplices, self._qhull.neighbors, strict=True)
+        ):
+            for k, other in enumerate(others):
+                if other > triangle and normals[triangle] @ normals[other] <= np.cos(SHARP):
+                    found.append(self.vertices[np.delete(corners, k)])
+        return read_only(np.array(found).reshape(-1, 2, 3))
+
     @property
     def symmetry(self) -> None:
         """None."""
@@ -111,8 +125,8 @@ class PolyhedronBody(ConvexBody):
         flats = []
         for f, plane in enumerate(planes):
             corners = np.unique(self.triangles[of_triangle == f].reshape(-1, 3), axis=0)
-            center, deepest = corners.mean(axis=0), self._find_deepest(f)
-            depths = self.measure_edge_distance(np.stack([center, deepest]))
+            center, deepest = corners.mean(axis=0), self._find_deepest(f, corners)
+            depths = self._measure_depths(f, np.stack([center, deepest]))
             center = deepest if depths[1] > depths[0] * (1.0 + 1e-9) else center
             radius = float(np.linalg.norm(corners - center, axis=1).max())
             flats.append(Flat(center, plane[:3], radius))
@@ -154,8 +168,21 @@ class PolyhedronBody(ConvexBody):
         shape = points.shape
         return Projection(point.reshape(shape), normal.reshape(shape), distance.reshape(shape[:-1]))
 
-    def _find_deepest(self, f: int) -> Array:
-        """Return the point (3,) of face ``f`` that is farthest from its edges: the linear program of the Chebyshev centre."""
+    def _measure_depths(self, f: int, points: Array) -> Array:
+        """Return how far (N,) [m] points (N, 3) of face ``f`` are from its border, in its plane."""
+        normals, offsets = self.planes[:, :3], self.planes[:, 3]
+        # In the plane of its face a point is so far from the line in which another face's plane cuts it.
+        sines = np.sqrt(np.maximum(1.0 - (normals @ normals[f]) ** 2, 0.0))
+        others = sines > _PARALLEL**0.5
+        return np.asarray(((offsets - points @ normals.T)[:, others] / sines[others]).min(axis=1))
+
+    def _find_deepest(self, f: int, corners: Array) -> Array:
+        """Return the point (3,) of face ``f`` with these ``corners`` (K, 3) that is farthest from its border: of a triangle the
+        incentre, else the linear program of the Chebyshev centre.
+        """
+        if len(corners) == 3:
+            opposite = np.linalg.norm(corners[[1, 2, 0]] - corners[[2, 0, 1]], axis=1)
+            return np.asarray(opposite @ corners / opposite.sum())
         normals, offsets = self.planes[:, :3], self.planes[:, 3]
         shares = np.sqrt(np.maximum(1.0 - (normals @ normals[f]) ** 2, 0.0))
         others = shares > _PARALLEL**0.5
@@ -182,17 +209,18 @@ class PolyhedronBody(ConvexBody):
         return np.asarray(d / inverse)
 
     def measure_edge_distance(self, point: ArrayLike) -> Array:
-        """As :meth:`ConvexBody.measure_edge_distance`."""
+        """As :meth:`ConvexBody.measure_edge_distance`: to the nearest of :attr:`edges`; infinite where there are none."""
         points = as_points(point)
-        signed = points.reshape(-1, 3) @ self.planes[:, :3].T - self.planes[:, 3]
-        face = signed.argmax(axis=1)
-        normals = self.planes[:, :3]
-        cosine = normals[face] @ normals.T
-        # In the plane of its face a point is so far from the line in which another face's plane cuts it.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            away = -signed / np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
-        away[(cosine**2 > 1.0 - _PARALLEL)] = np.inf
-        return np.asarray(away.min(axis=1).clip(0.0).reshape(points.shape[:-1]))
+        flat = points.reshape(-1, 3)
+        first, along = self.edges[:, 0], self.edges[:, 1] - self.edges[:, 0]
+        length = np.einsum("ei,ei->e", along, along)
+        distance = np.full(len(flat), np.inf)
+        step = max(1, _CHUNK // max(1, len(first)))
+        for k in range(0, len(flat) if len(first) else 0, step):
+            away = flat[k : k + step, None] - first
+            share = np.clip(np.einsum("nei,ei->ne", away, along) / length, 0.0, 1.0)
+            distance[k : k + step] = np.linalg.norm(away - share[..., None] * along, axis=2).min(axis=1)
+        return distance.reshape(points.shape[:-1])
 
 
 def _find_nearest_on_triangles(P: Array, triangles: Array) -> Array:

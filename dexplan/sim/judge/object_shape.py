@@ -23,8 +23,8 @@ _EXACT, _MESHED = 1e-6, 1e-4
 """Relative error of an inertia: of a text with nine digits, and of a mesh whose corners are in single precision."""
 _SAGITTA = 1e-3
 """How far a mesh may be off the rounded cylinder that it stands for, inside or outside, in radii: it has flat facets."""
-_FLAT = 1e-8
-"""Facets whose normals' cosine is nearer to 1 than this are one face."""
+_SHARP_COSINE = float(np.cos(np.radians(20.0)))
+"""Facets whose normals have a cosine of at most this meet in a sharp edge: less bent, and they stand for a round surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,9 @@ def _measure_beyond(points: Array, corners: Array) -> float:
 def has_edges(section: Mapping[str, Any]) -> bool:
     """Return whether the object of a problem has sharp edges."""
     shape = section.get("shape") or {"kind": "sphere"}
-    return shape["kind"] in ("box", "mesh") or (shape["kind"] == "cylinder" and not shape.get("rim_m"))
+    if shape["kind"] == "mesh":
+        return len(_list_edges(np.asarray(shape["vertices_m"], dtype=np.float64))) > 0
+    return shape["kind"] == "box" or (shape["kind"] == "cylinder" and not shape.get("rim_m"))
 
 
 def measure_edge_distance(section: Mapping[str, Any], points: Array) -> Array:
@@ -133,6 +135,8 @@ def measure_edge_distance(section: Mapping[str, Any], points: Array) -> Array:
     shape = section["shape"]
     if shape["kind"] == "mesh":
         edges = _list_edges(np.asarray(shape["vertices_m"], dtype=np.float64))
+        if not len(edges):
+            return np.full(len(points), np.inf)
         first, along = edges[:, 0], edges[:, 1] - edges[:, 0]
         share = np.einsum("nei,ei->ne", points[:, None] - first, along) / np.sum(along**2, axis=1)
         nearest = first + np.clip(share, 0.0, 1.0)[..., None] * along
@@ -146,14 +150,14 @@ def measure_edge_distance(section: Mapping[str, Any], points: Array) -> Array:
 
 
 def _list_edges(points: Array) -> Array:
-    """Return the edges (E, 2, 3) [m] of the hull of points (N, 3) at which its surface bends."""
+    """Return the edges (E, 2, 3) [m] of the hull of points (N, 3) at which its surface bends sharply."""
     hull = ConvexHull(points)
     found = []
     for facet, (corners, others) in enumerate(zip(hull.simplices, hull.neighbors, strict=True)):
         for k, other in enumerate(others):
-            if other > facet and hull.equations[facet, :3] @ hull.equations[other, :3] < 1.0 - _FLAT:
+            if other > facet and hull.equations[facet, :3] @ hull.equations[other, :3] <= _SHARP_COSINE:
                 found.append(points[np.delete(corners, k)])
-    return np.array(found)
+    return np.array(found).reshape(-1, 2, 3)
 
 
 # -- its mass ------------------------------------------------------------------------------------------------------------
