@@ -9,7 +9,7 @@ import numpy as np
 
 from dexplan.contact.friction import SoftFinger
 from dexplan.control.options import RATE, ControlOptions, compute_torque_fraction
-from dexplan.control.rate import choose_rate, limit_joint_speed
+from dexplan.control.rate import choose_rate, limit_joint_speed, limit_object_speed
 from dexplan.kinematics.workspace import load_workspace
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.limits import AdmissibleLimits
@@ -150,7 +150,19 @@ def build_timing(problem: Problem) -> Timing:
     )
     # A rate that is chosen is never below RATE.
     rate = RATE if asked == "auto" else float(asked)
-    return replace(timing, joint_speed=limit_joint_speed(timing.joint_speed, rate))
+    timing = replace(timing, joint_speed=limit_joint_speed(timing.joint_speed, rate))
+    if asked == "auto":
+        return timing
+    scene = build_scene(problem)
+    room = _compute_twist_room(problem, build_squeeze(problem, scene))
+    speed = limit_object_speed(timing.object_speed, rate, room, scene.model.opt.timestep)
+    return replace(timing, object_speed=speed)
+
+
+def _compute_twist_room(problem: Problem, squeeze: Squeeze) -> float:
+    """Return which torque about the normal [N m] a contact bears beyond what forces are planned with."""
+    planned = build_friction(problem).scaled(squeeze.friction_share).torsional
+    return float(squeeze.normal * (problem.friction.torsional_m - planned))
 
 
 def build_improvement(problem: Problem) -> Improvement:
@@ -167,7 +179,7 @@ def build_options(problem: Problem, **changes: Any) -> ControlOptions:
     scene = build_scene(problem)
     squeeze = build_squeeze(problem, scene)
     friction = build_friction(problem).scaled(squeeze.friction_share)
-    room = squeeze.normal * (problem.friction.torsional_m - friction.torsional)
+    room = _compute_twist_room(problem, squeeze)
     asked = problem.control.rate_hz
     rate = choose_rate(room, scene.model.opt.timestep) if asked == "auto" else float(asked)
     options = ControlOptions(

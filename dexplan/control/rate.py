@@ -13,6 +13,10 @@ one planned.  Read step by step (94 g, tips of 7 and 25 mm, 20 deg/s): 1.6 mN m 
 depend on gains of the feedback, relaxation or feedforward, and falls to a third with ticks of half the length.  Largest seen in
 seven random problems: 2.1 mN m; the rest is reserve, no more than what 2.5 mm of torsional friction, a safety of 1.3 and 5.5 N
 have to spare (3.2 mN m), for such problems pass with 250 ticks per second."""
+TWIST_SPEED = 0.35
+"""The speed of the object [rad/s] with which it was read, 20 deg/s."""
+SLOWEST = 0.02
+"""No turn of the object is slowed down to less than this [rad/s]: without reserve in friction no speed leaves room."""
 STEPS = 4
 """Physics steps in the ticks that ``TWIST`` was measured with; a tick of one step has no up and down."""
 RATES = (RATE, 500.0, 1000.0)
@@ -29,6 +33,15 @@ def limit_joint_speed(speed: float, rate: float) -> float:
     return min(speed, JOINT_STEP * rate)
 
 
+def limit_object_speed(speed: float, rate: float, room: float, timestep: float) -> float:
+    """Return how fast the object may turn [rad/s], ``speed`` at most: so that commands held for a tick twist tips by ``room``.
+
+    Matters where a rate is given that is lower than :func:`choose_rate` would choose.  Arguments as there.
+    """
+    twist = _compute_twist(rate, timestep)
+    return speed if twist <= room + 1e-9 else min(speed, max(SLOWEST, TWIST_SPEED * room / twist))
+
+
 def choose_rate(room: float, timestep: float) -> float:
     """Return the least of ``RATES`` at which commands held for a tick twist tips by at most ``room`` [N m], else the greatest.
 
@@ -37,7 +50,12 @@ def choose_rate(room: float, timestep: float) -> float:
         timestep: of the physics [s].
     """
     for rate in RATES:
-        steps = 1.0 / (rate * timestep)
-        if TWIST * (steps - 1.0) / (STEPS - 1.0) <= room + 1e-9:
+        if _compute_twist(rate, timestep) <= room + 1e-9:
             return rate
     return RATES[-1]
+
+
+def _compute_twist(rate: float, timestep: float) -> float:
+    """Return the torque [N m] by which a command that is held for a tick may twist a tip at :data:`TWIST_SPEED`."""
+    steps = 1.0 / (rate * timestep)
+    return TWIST * max(0.0, steps - 1.0) / (STEPS - 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dexplan import pipeline
-from dexplan.control.rate import JOINT_STEP, RATES, STEPS, TWIST, choose_rate
+from dexplan.control.rate import JOINT_STEP, RATES, SLOWEST, STEPS, TWIST, TWIST_SPEED, choose_rate
 from dexplan.errors import ProblemError
 from dexplan.problems.read import load_problem
 
@@ -100,6 +100,25 @@ def test_forces_follow_what_is_told_while_load_goes_from_finger_to_finger() -> N
 def test_free_fingers_go_no_farther_in_a_tick_than_servos_bear(asked: object, speed: float) -> None:
     problem = load_problem("hold_two", {"control.rate_hz": asked})
     assert pipeline.build_timing(problem).joint_speed == speed
+
+
+@pytest.mark.parametrize(
+    ("changes", "share"),
+    [
+        ({}, 1.0),
+        ({"control.rate_hz": 500}, 1.0),
+        ({"control.rate_hz": 250, "friction.torsional_m": 0.0019}, 0.80),
+        ({"control.rate_hz": 125, "friction.torsional_m": 0.0019}, 0.34),
+        ({"control.rate_hz": 125, "friction.safety": 1.0}, SLOWEST / TWIST_SPEED),
+    ],
+)
+def test_at_a_rate_that_was_asked_for_the_object_turns_no_faster_than_tips_bear_to_be_twisted(
+    changes: dict[str, object], share: float
+) -> None:
+    """An egg that was turned at 125 Hz as fast as at 250 reached the true cone; room is proportional to torsional friction."""
+    speed = pipeline.build_timing(load_problem("hold_three", changes)).object_speed
+    full = pipeline.build_timing(load_problem("hold_three")).object_speed
+    assert speed == pytest.approx(full if share == 1.0 else share * TWIST_SPEED, rel=0.03)
 
 
 def test_servos_have_torque_to_spare_at_125_hz() -> None:
