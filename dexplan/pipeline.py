@@ -44,7 +44,6 @@ from dexplan.plans.timing import Timing
 from dexplan.problems import as_run
 from dexplan.problems.problem import Problem, compute_contact_directions
 from dexplan.problems.true_world import check_world, read_recorded_world
-from dexplan.problems.unplanned import refuse_unplanned
 from dexplan.run_folder import RUN_FILES, check_replaceable, drop_told, read_model, save_problem, write_whole
 from dexplan.scene.scene import Scene
 from dexplan.sim.judge.true_world import join_world
@@ -79,7 +78,6 @@ def time_plan(problem: Problem, plan: Plan, timing: Timing | None = None) -> Pla
 def _find_plan(problem: Problem, scene: Scene, hand: HandModel) -> Plan:
     """Return the plan of the room that answers the goal's kind."""
     X_WO, asked = scene.object.X_WO_home, problem.goal
-    refuse_unplanned(problem)
     goals = build_goals(problem, X_WO)
     goal = goals[0]
     if refusal := build_squeeze(problem, scene).refusal:

@@ -9,7 +9,6 @@
 ``derived``     values that follow from others
 ``as_run``      which problem a recorded run was made from
 ``true_world``  a problem that says how the world truly is, beside the one that is believed
-``unplanned``   what can be asked, and is not planned yet
 ==============  ===================================================================================
 
 >>> from dexplan.problems.read import load_problem
@@ -30,6 +29,5 @@ __all__ = [
     "shapes",
     "template",
     "true_world",
-    "unplanned",
     "words",
 ]

@@ -100,7 +100,8 @@ class StillContacts:
             rows = find_facing(self.hand, self.X_WO, finger, sites)
             at = sites.normals[rows], sites.points[rows]
             found = list[Placement | None]()
-            for tilt in TILTS if len(self.ahead) else (0.0,):
+            is_ball = isinstance(self.hand.object.body, BallBody)
+            for tilt in TILTS if len(self.ahead) or not is_ball else (0.0,):
                 found += build_landings(self.hand, self.X_WO, finger, *at, tilt=tilt)
             landed = center_spins(self.hand, [p for p in found if p is not None], self.ahead)
             self._landings[finger] = self.add_all(landed)

@@ -102,13 +102,16 @@ def label_sides(normals: Array, angle_max: float) -> Numbers:
 def _refuse_pose(bound: RelocationBound, layer: int, counts: Counts) -> Refusal:
     """Return that no two fingers hold the object at a pose, and which of the conditions none of their pairs meets."""
     hand, where, lean = bound.layers.hand, _name_stop(bound, layer), np.degrees(bound.places.lean_max)
+    regions = "widen object.allowed_regions, " if hand.object.allowed_regions else ""
     who = tuple(hand.fingers[f].name for f, rows in enumerate(bound.within[layer]) if not rows)
     if len(who) > len(hand.fingers) - 2:
         words = f"{where} {' and '.join(who)} reach no place on the object"
         return Refusal(RefusalKind.NO_PAIR, who, words=words)
     if not counts.closed:
         words = f"{where} no line between places that two fingers reach lies within {lean:.1f} deg of both normals"
-        return Refusal(RefusalKind.NO_PAIR, words=words, cure=Cure("raise the friction, or move the object"))
+        return Refusal(
+            RefusalKind.NO_PAIR, words=words, cure=Cure(f"{regions}raise the friction, or move the object")
+        )
     if not counts.apart:
         words = f"{where} the tips of two fingers on opposite places have no room beside each other"
         return Refusal(RefusalKind.NO_PAIR, words=words, cure=Cure("use smaller tips"))

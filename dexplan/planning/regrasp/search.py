@@ -64,9 +64,10 @@ class AdjustmentSearch:
         side: GoalSide,
         known_rolls: dict[bytes, tuple[list[RollPlan], Refusal | None]],
         is_simultaneous: bool = False,
+        looks_ahead: bool = False,
     ) -> AdjustmentSearch:
-        """Return a search along the ``motion`` that leads to the goal's pose."""
-        layers = Layers(side.hand, side.admissibility, Track((motion,)))
+        """Return a search along the ``motion`` that leads to the goal's pose; on long ways it ``looks_ahead``."""
+        layers = Layers(side.hand, side.admissibility, Track((motion,)), looks_ahead)
         layers.poses[-1] = side.still
         return cls(layers, is_simultaneous, side=side, known_rolls=known_rolls)
 

@@ -166,3 +166,11 @@ def may_hold_at(hand: HandModel, goal: RotationGoal, start: tuple[StartContact |
             direction = turn @ find_start_direction(goal.X_WO_start, given)
             reached += refuse_contact(hand, finger, X_WO, direction) is None
     return reached > 1
+
+
+def refuse_region(name: str) -> No:
+    """Return the answer to a start contact of the finger ``name`` where contacts are not allowed."""
+    words = f"the start contact of {name} lies outside object.allowed_regions"
+    cure = Cure('move it inside, or set start.contacts_deg = "auto"')
+    refusal = Refusal(RefusalKind.NOT_ALLOWED, (name,), cure=cure, words=words)
+    return No(Status.START_NOT_ALLOWED, f"{words}; {cure}", refusal)

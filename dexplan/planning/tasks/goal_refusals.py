@@ -6,18 +6,21 @@ from itertools import combinations
 
 import numpy as np
 
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.errors import spell_apart
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max, describe_separation
 from dexplan.planning.tasks.no import No
+from dexplan.plans.contacts import GoalContact
 from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.plans.status import Status
 from dexplan.spatial import Array, build_frame
 
 GoalContacts = tuple[Array | None, ...]
-"""Per finger the outward normal (3,) of its goal contact in object axes, None where it has to be free."""
+"""Per finger the direction (3,) of its goal contact from the object's origin in object axes, on a ball the outward normal; None
+where it has to be free."""
 CURES = {
     RefusalKind.NEAR_STANDING: (
         "move or shrink what is in the way, or choose goal contacts or a goal pose farther from it"
@@ -44,24 +47,41 @@ CURES |= dict.fromkeys(
 LOAD_CURE = "move two of the goal contacts nearer to opposite, raise the friction, lower friction.safety, or use a lighter object"
 
 
+def locate_goal(hand: HandModel, goal: GoalContacts) -> tuple[GoalContact | None, ...]:
+    """Return per finger where on the object its goal contact is: where the ray along its direction leaves the body."""
+    body, found = hand.object.body, list[GoalContact | None]()
+    for finger, direction in enumerate(goal):
+        if direction is None:
+            found.append(None)
+        elif isinstance(body, BallBody):
+            found.append(GoalContact(finger, hand.object.surface.radial(direction), direction))
+        else:
+            point = body.radial(direction)
+            found.append(GoalContact(finger, point, body.normal_at(point)))
+    return tuple(found)
+
+
 def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> No | None:
     """Return the answer to goal contacts that cannot be wherever the object is; None where nothing is wrong with them.
 
     These are questions of the object and the fingertips alone: where contacts are allowed, whether tips overlap, and force
     closure with the believed friction.
     """
-    surface, names = hand.object.surface, [f.name for f in hand.fingers]
-    wanted = [(f, n) for f, n in enumerate(goal) if n is not None]
-    for f, n in wanted:
-        if not hand.object.allows(n[None])[0]:
+    names = [f.name for f in hand.fingers]
+    for f, direction in enumerate(goal):
+        if direction is not None and not hand.object.allows(direction[None])[0]:
             words = f"the goal contact of {names[f]} lies outside object.allowed_regions"
             cure = Cure("move it inside, or widen a region")
             return _refuse(
                 Status.GOAL_NOT_ALLOWED, Refusal(RefusalKind.NOT_ALLOWED, (names[f],), cure=cure, words=words)
             )
-    for (f, n), (g, m) in combinations(wanted, 2):
+    wanted = [one for one in locate_goal(hand, goal) if one is not None]
+    for one, other in combinations(wanted, 2):
+        f, g = one.finger, other.finger
         tips = [hand.fingers[k].tip_radius for k in (f, g)]
-        between = np.linalg.norm(surface.radial(n) + tips[0] * n - surface.radial(m) - tips[1] * m)
+        between = np.linalg.norm(
+            one.point_O + tips[0] * one.normal_O - other.point_O - tips[1] * other.normal_O
+        )
         if (gap := float(between - sum(tips))) < (needed := hand.limits.clearance):
             left, kept = spell_apart(1e3 * gap, 1e3 * needed)
             words = (
@@ -73,9 +93,11 @@ def refuse_goal_contacts(hand: HandModel, goal: GoalContacts) -> No | None:
                 Status.GOAL_GRASP_INADMISSIBLE,
                 Refusal(RefusalKind.NEAR_FINGER, (names[f], names[g]), gap, needed, cure, words=words),
             )
-    grasp = Grasp(tuple(Contact(f, surface.radial(n), build_frame(-n), hand.friction) for f, n in wanted))
+    grasp = Grasp(
+        tuple(Contact(c.finger, c.point_O, build_frame(-c.normal_O), hand.friction) for c in wanted)
+    )
     if not check_force_closure(grasp).is_closed:
-        who = tuple(names[f] for f, _ in wanted)
+        who = tuple(names[c.finger] for c in wanted)
         words = "the goal contacts are not force closed with the believed friction"
         cure = Cure("move two of them nearer to opposite, raise the friction, or lower friction.safety")
         return _refuse(

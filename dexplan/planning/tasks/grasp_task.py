@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.actions.joining import enclose
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.contacts.still import StillContacts
 from dexplan.planning.search.options import SearchOptions
-from dexplan.planning.tasks.goal_refusals import GoalContacts
+from dexplan.planning.tasks.by_shape import plan_gait
+from dexplan.planning.tasks.goal_refusals import GoalContacts, locate_goal
 from dexplan.planning.tasks.no import No
-from dexplan.planning.tasks.object_manipulation import plan_rotation
 from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
 from dexplan.plans.contacts import Contacts, GoalContact, Placement
@@ -28,6 +29,7 @@ class GraspTask:
     """What is asked: from the contacts ``start``, the object at ``X_WO`` (4, 4), to the contacts ``goal``.
 
     ``hold`` is the plan that holds still at the start: it settles the start contacts, or says what is wrong with them.
+    ``goal_contacts`` says where on the object the goal contacts are.
     """
 
     hand: HandModel
@@ -37,12 +39,19 @@ class GraspTask:
     options: SearchOptions
     admissibility: Admissibility = field(init=False)
     hold: Plan = field(init=False)
+    goal_contacts: tuple[GoalContact | None, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "admissibility", Admissibility(self.hand))
         still, options = RotationGoal(self.X_WO, VERTICAL, 0.0), self.options
-        hold = plan_rotation(self.hand, still, self.start, options.node_budget, options.primitives)
+        hold = plan_gait(self.hand, still, self.start, options.node_budget, options.primitives)
         object.__setattr__(self, "hold", hold)
+        object.__setattr__(self, "goal_contacts", locate_goal(self.hand, self.goal))
+
+    @property
+    def is_on_sites(self) -> bool:
+        """Whether the object looks different from different sides, so that its ways are searched over sites."""
+        return not isinstance(self.hand.object.body, BallBody)
 
     @property
     def is_start_refused(self) -> bool:
@@ -53,20 +62,16 @@ class GraspTask:
         """Return the goal contacts with the object at ``X_WO`` (4, 4), and which fingers cannot reach their own, by name."""
         found: list[Placement | None] = []
         missing = []
-        for finger, normal in enumerate(self.goal):
-            if normal is None:
+        for finger, wanted in enumerate(self.goal_contacts):
+            if wanted is None:
                 found.append(None)
                 continue
-            placement = build_landings(self.hand, X_WO, finger, normal[None])[0]
+            points = wanted.point_O[None] if self.is_on_sites else None
+            placement = build_landings(self.hand, X_WO, finger, wanted.normal_O[None], points)[0]
             found.append(placement)
             if placement is None:
                 missing.append(self.hand.fingers[finger].name)
         return tuple(found), tuple(missing)
-
-    @property
-    def _goal_contacts(self) -> tuple[GoalContact | None, ...]:
-        radial = self.hand.object.surface.radial
-        return tuple(None if n is None else GoalContact(f, radial(n), n) for f, n in enumerate(self.goal))
 
     def refuse_goal(self, X_WO: Array, contacts: Contacts) -> Refusal | None:
         """Return why the goal grasp cannot hold the object at ``X_WO`` (4, 4); None where it can."""
@@ -95,7 +100,7 @@ class GraspTask:
             reason=no.reason,
             refusal=no.refusal,
             goal_kind=kind,
-            goal_contacts=self._goal_contacts,
+            goal_contacts=self.goal_contacts,
             X_WO_goal=goal.X_WO_goal,
             axis_W=goal.axis_W,
             turned_angle=None if goal.is_attitude else goal.angle,

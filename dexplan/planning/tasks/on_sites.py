@@ -26,6 +26,7 @@ from dexplan.planning.tasks.blocked import (
     StartContact,
     find_start_direction,
     find_start_point,
+    refuse_region,
     refuse_start_contact,
 )
 from dexplan.planning.tasks.no import No
@@ -150,6 +151,8 @@ def _land_start(
             contacts.append(given)
             continue
         point_O, normal_O = find_start_point(hand, X_WO, find_start_direction(X_WO, given))
+        if not hand.object.allows(point_O / np.linalg.norm(point_O)):
+            return refuse_region(hand.fingers[finger].name)
         landed = build_landings(hand, X_WO, finger, normal_O[None], point_O[None])[0]
         if landed is None:
             return refuse_start_contact(hand, X_WO, finger, given)

@@ -13,7 +13,7 @@ from dexplan.grasp.margin import solve_bounded_margin
 from dexplan.kinematics.workspace import spread_directions
 from dexplan.planning.contacts.landings import build_landings
 from dexplan.planning.tasks.grasp_task import GraspTask
-from dexplan.plans.contacts import Contacts
+from dexplan.plans.contacts import Contacts, GoalContact
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.refusal import Refusal
 from dexplan.spatial import GRAVITY, Array, build_frame, lock_arrays, rotate_about, rotation_vector
@@ -76,9 +76,9 @@ class Turns:
     def missing(self) -> tuple[str, ...]:
         """The fingers that reach their goal contact in no attitude at all, where there are such."""
         task, names = self.task, []
-        for finger, normal in enumerate(task.goal):
-            if normal is not None:
-                alone = tuple(n if f == finger else None for f, n in enumerate(task.goal))
+        for finger, wanted in enumerate(task.goal_contacts):
+            if wanted is not None:
+                alone = tuple(c if f == finger else None for f, c in enumerate(task.goal_contacts))
                 if not any(_find_reachable(task, alone)):
                     names.append(task.hand.fingers[finger].name)
         return tuple(names)
@@ -124,11 +124,12 @@ class Turns:
 
         Contacts that hardly carry the object may do so in a few attitudes only: those in which its weight presses it into them.
         """
-        grasp, surface = [], self.task.hand.object.surface
-        for finger, normal in enumerate(self.task.goal):
-            if normal is not None:
+        grasp = []
+        for wanted in self.task.goal_contacts:
+            if wanted is not None:
                 friction = self.task.hand.friction.scaled(self.task.hand.limits.cone_share)
-                grasp.append(Contact(finger, surface.radial(normal), build_frame(-normal), friction))
+                frame = build_frame(-wanted.normal_O)
+                grasp.append(Contact(wanted.finger, wanted.point_O, frame, friction))
         margin = partial(_measure_load, self.task, Grasp(tuple(grasp)))
         some = self.reachable[:: 1 + len(self.reachable) // MEASURED]
         begun = [rotate_about(turn.axis_W, turn.angle) for turn in some]
@@ -152,7 +153,7 @@ class Turns:
             while True:
                 # Turns about the vertical leave the load as it is.
                 near = np.stack([rotate_about(axis, step) @ R for axis in (*np.eye(3)[:2], *-np.eye(3)[:2])])
-                reached = np.isfinite(_measure_away(self.task, near, self.task.goal))
+                reached = np.isfinite(_measure_away(self.task, near, self.task.goal_contacts))
                 values = [margin(other) if ok else -np.inf for other, ok in zip(near, reached, strict=True)]
                 if max(values) <= value + 1e-9:
                     break
@@ -168,27 +169,28 @@ def _measure_load(task: GraspTask, grasp: Grasp, R: Array) -> float:
     return solve_bounded_margin(grasp, wrench, hand.limits.normal_floor, hand.limits.normal_ceiling)
 
 
-def _find_reachable(task: GraspTask, goal: tuple[Array | None, ...] | None = None) -> Iterator[Turn]:
+def _find_reachable(task: GraspTask, goal: tuple[GoalContact | None, ...] | None = None) -> Iterator[Turn]:
     """Yield the turns that bring all contacts of ``goal`` (by default the task's) within reach."""
     axes = spread_directions(AXES)
     for angle in np.arange(TURN_STEP, np.pi + 1e-9, TURN_STEP):
         turns = np.stack([rotate_about(axis, float(angle)) for axis in axes])
-        away = _measure_away(task, turns, task.goal if goal is None else goal)
+        away = _measure_away(task, turns, task.goal_contacts if goal is None else goal)
         for k in np.flatnonzero(np.isfinite(away)):
             yield Turn(axes[k], float(angle), float(away[k]))
 
 
-def _measure_away(task: GraspTask, turns: Array, goal: tuple[Array | None, ...]) -> Array:
+def _measure_away(task: GraspTask, turns: Array, goal: tuple[GoalContact | None, ...]) -> Array:
     """Return how far (N,) [rad] a finger is from home at most after ``turns`` (N, 3, 3) of the object; inf out of reach."""
     hand, R_WO = task.hand, task.X_WO[:3, :3]
     away = np.zeros(len(turns))
-    for finger, normal in enumerate(goal):
+    for finger, wanted in enumerate(goal):
         rows = np.flatnonzero(np.isfinite(away))
-        if normal is None or not len(rows):
+        if wanted is None or not len(rows):
             continue
-        # A ball looks the same from every side: turning the object is turning the contact on an object that stands still.
-        normals_W = turns[rows] @ (R_WO @ normal)
-        landed = build_landings(hand, task.X_WO, finger, normals_W @ R_WO)
+        # A finger alone meets the contact only: turning the object is turning the contact on an object that stands still.
+        normals_W = turns[rows] @ (R_WO @ wanted.normal_O)
+        points_O = turns[rows] @ (R_WO @ wanted.point_O) @ R_WO if task.is_on_sites else None
+        landed = build_landings(hand, task.X_WO, finger, normals_W @ R_WO, points_O)
         home = hand.p_WF_home[finger] - task.X_WO[:3, 3]
         angles = np.arccos(np.clip(normals_W @ home / np.linalg.norm(home), -1.0, 1.0))
         reached = np.array([placement is not None for placement in landed])

@@ -11,12 +11,11 @@ from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.contacts.held import Held
 from dexplan.planning.gait.search import GaitSearch
 from dexplan.planning.gait.start_pairs import refuse_unreachable
-from dexplan.planning.tasks.blocked import StartContact, refuse_start_contact
+from dexplan.planning.tasks.blocked import StartContact, refuse_region, refuse_start_contact
 from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair, spell_no_pair
 from dexplan.planning.tasks.start_refusals import refuse_start_grasp
 from dexplan.plans.contacts import Contacts, Placement
-from dexplan.plans.refusal import Cure, Refusal, RefusalKind
 from dexplan.plans.status import Status
 from dexplan.spatial import Array
 
@@ -69,7 +68,7 @@ def begin(
         if contact is None:
             return Begun(nothing, refuse_start_contact(hand, X_WO, finger, given))
         if not table.allows(table.normal(contact), 0):
-            return Begun(nothing, _refuse_region(hand.fingers[finger].name))
+            return Begun(nothing, refuse_region(hand.fingers[finger].name))
         held.append(contact)
     placed = {h.finger: table.placement(h, 0) for h in held}
     contacts = tuple(placed.get(k) for k in range(len(hand.fingers)))
@@ -77,13 +76,6 @@ def begin(
         return Begun(contacts, no)
     search.begin(tuple(held))
     return Begun(contacts)
-
-
-def _refuse_region(name: str) -> No:
-    words = f"the start contact of {name} lies outside object.allowed_regions"
-    cure = Cure('move it inside, or set start.contacts_deg = "auto"')
-    refusal = Refusal(RefusalKind.NOT_ALLOWED, (name,), cure=cure, words=words)
-    return No(Status.START_NOT_ALLOWED, f"{words}; {cure}", refusal)
 
 
 def _begin_off_the_orbits(

@@ -20,8 +20,9 @@ from dexplan.sim.judge.checks_case import (
     judge_count,
     judge_worst,
 )
-from dexplan.sim.judge.goals import compute_goal_poses, find_moments
-from dexplan.spatial import Array, angles_from_direction, direction_from_angles
+from dexplan.sim.judge.goals import as_direction, compute_goal_poses, find_moments
+from dexplan.sim.judge.object_shape import find_on_ray
+from dexplan.spatial import Array, angles_from_direction
 
 MM = 1e3
 
@@ -215,26 +216,32 @@ def check_turned_angle(case: Case) -> CheckResult:
 
 
 def check_contact_error_final(case: Case) -> CheckResult:
-    """Final contacts against the goal's, as angles seen from the object's centre; who should be off must be
-    off.
+    """Final contacts against the goal's, on a ball as angles seen from its centre, else as distances; who should be off must
+    be off.
     """
-    name, limit = "contact_error_final", case.limit("contact_error_final_deg")
+    unit = "mm" if case.problem["object"].get("shape") else "deg"
+    name, limit = "contact_error_final", case.limit(f"contact_error_final_{unit}")
     goal = case.problem["goal"]["contacts_deg"]
     if not case.sample_count or len(goal) != case.finger_count:
-        return fail(name, "deg", "there is nothing to compare the goal's contacts with", limit)
+        return fail(name, unit, "there is nothing to compare the goal's contacts with", limit)
     worst, note = 0.0, []
     for k, wanted in enumerate(goal):
         finger, is_touching = case.replay.world.fingers[k], bool(case.replay.contact_active[-1, k])
         if (wanted == "free") == is_touching:
-            return fail(name, "deg", f"{finger} {'touches' if is_touching else 'does not touch'}", limit)
+            return fail(name, unit, f"{finger} {'touches' if is_touching else 'does not touch'}", limit)
         if wanted == "free":
             continue
         point = case.replay.contact_point_O[-1, k]
-        miss = _angle_of(point, as_direction(wanted))
-        azimuth, elevation = angles_from_direction(point / np.linalg.norm(point))
-        note.append(f"{finger} at ({azimuth:.2f}, {elevation:.2f})")
-        worst = max(worst, np.degrees(miss))
-    return judge(name, worst, limit, "deg", float(case.replay.time[-1]), "; ".join(note))
+        direction = as_direction(wanted)
+        if unit == "deg":
+            miss = float(np.degrees(_angle_of(point, direction)))
+            azimuth, elevation = angles_from_direction(point / np.linalg.norm(point))
+            note.append(f"{finger} at ({azimuth:.2f}, {elevation:.2f})")
+        else:
+            miss = MM * float(np.linalg.norm(point - find_on_ray(case.problem["object"], direction)))
+            note.append(f"{finger} at ({', '.join(f'{MM * x:.2f}' for x in point)}) mm")
+        worst = max(worst, miss)
+    return judge(name, worst, limit, unit, float(case.replay.time[-1]), "; ".join(note))
 
 
 def compute_twist(turns: Rotation, axis: Any) -> Array:
@@ -312,15 +319,6 @@ def _angle_between(a: Array, b: Array) -> Array:
 def _angle_of(a: Array, b: Array) -> float:
     """Return the angle [rad] between two vectors (3,)."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
-
-
-def as_direction(contact: Any) -> Array:
-    """Return the direction (3,) of a contact of a problem: [azimuth, elevation] in degrees or {"point_m":
-    [...]}.
-    """
-    if isinstance(contact, dict):
-        return np.asarray(contact["point_m"], dtype=np.float64)
-    return direction_from_angles(contact[0], contact[1])
 
 
 def _as_object_force(rotation_O: Array | None, force: Array) -> Array:

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexplan.sim.judge.checks import as_direction
 from dexplan.sim.judge.checks_case import Case, CheckResult, judge
-from dexplan.sim.judge.goals import compute_goal_pose, find_marks
+from dexplan.sim.judge.goals import as_direction, compute_goal_pose, find_marks
 from dexplan.sim.judge.groups import OWN_COLUMNS
 from dexplan.spatial import Array
 
@@ -113,7 +112,7 @@ def _compare(
         wanted = asked[k] if k < len(asked) else "free"
         if (wanted == "free") != (contact is None):
             yield f"the plan {verb} with {finger} {'free' if contact is None else 'touching'}, which the problem does not"
-        elif contact is not None:
+        elif contact is not None and not isinstance(wanted, str):
             # Around a ball the normal says where; on another body it is the point, seen from the origin.
             said = "point_O" if case.problem["object"].get("shape") and "point_O" in contact else "normal_O"
             where, direction = np.asarray(contact[said]), as_direction(wanted)

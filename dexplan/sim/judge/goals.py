@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dexplan.sim.judge.checks_case import Case
-from dexplan.spatial import Array
+from dexplan.spatial import Array, direction_from_angles
 
 NEAR_POSITION, NEAR_ANGLE = 1e-6, 1e-5
 """A planned hold marks a waypoint where it differs from it by less, in position [m] and angle [rad]."""
@@ -86,3 +86,10 @@ def _is_near(planned: ArrayLike, wanted: Array) -> bool:
     first, second = (Rotation.from_quat(one[3:], scalar_first=True) for one in (pose, wanted))
     is_there = np.linalg.norm(pose[:3] - wanted[:3]) <= NEAR_POSITION
     return bool(is_there and (first * second.inv()).magnitude() <= NEAR_ANGLE)
+
+
+def as_direction(contact: Mapping[str, Sequence[float]] | Sequence[float]) -> Array:
+    """Return the direction (3,) of a contact of a problem: [azimuth, elevation] in degrees or {"point_m": [...]}."""
+    if isinstance(contact, Mapping):
+        return np.asarray(contact["point_m"], dtype=np.float64)
+    return direction_from_angles(contact[0], contact[1])

@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from scipy.integrate import quad
+from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
 
 from dexplan.spatial import Array, lock_arrays
@@ -117,6 +118,33 @@ def _measure_beyond(points: Array, corners: Array) -> float:
     """Return how far [m] the farthest of ``points`` (N, 3) is outside the hull of ``corners`` (M, 3)."""
     planes = ConvexHull(corners).equations
     return float((points @ planes[:, :3].T + planes[:, 3]).max())
+
+
+def find_on_ray(section: Mapping[str, Any], direction: Array) -> Array:
+    """Return the point (3,) [m] at which the ray from the object's origin along ``direction`` (3,) leaves its surface."""
+    shape, d = section["shape"], direction / np.linalg.norm(direction)
+    if shape["kind"] == "ellipsoid":
+        return np.asarray(d / np.linalg.norm(d / np.asarray(shape["semi_axes_m"])))
+    if shape["kind"] == "box":
+        return np.asarray(d / np.max(np.abs(d) / np.asarray(shape["half_sizes_m"])))
+    if shape["kind"] == "mesh":
+        planes = ConvexHull(np.asarray(shape["vertices_m"], dtype=np.float64)).equations
+        return np.asarray(d / np.max(planes[:, :3] @ d / -planes[:, 3]))
+    radius, half = float(shape["radius_m"]), float(shape["half_length_m"])
+    across, along, rim = float(np.hypot(d[0], d[1])), abs(float(d[2])), float(shape.get("rim_m") or 0.0)
+    # What is rounded is all within ``rim`` of a core: of a capsule a line, of a cylinder a smaller cylinder.
+    core = 0.0
+    if shape["kind"] == "capsule":
+        rim = radius
+    else:
+        core, half = radius - rim, half - rim
+
+    def depth(s: float) -> float:
+        return float(np.hypot(max(s * across - core, 0.0), max(s * along - half, 0.0))) - rim
+
+    if not rim:
+        return np.asarray(d / max(across / core, along / half))
+    return np.asarray(d * brentq(depth, 0.0, 2.0 * (core + half + rim), xtol=1e-15))
 
 
 # -- its edges ----------------------------------------------------------------------------------------------------------
