@@ -11,7 +11,6 @@ from itertools import combinations, count, product
 import numpy as np
 
 from dexplan.contact.bodies.smooth import BallBody
-from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.joining import build_move_actions, enclose
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -32,6 +31,7 @@ from dexplan.planning.tasks.blocked import (
 from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.object_manipulation import refuse
 from dexplan.planning.tasks.pair_survey import PairSurvey, explain_no_pair, spell_no_pair
+from dexplan.planning.tasks.start_spins import center_start_spins
 from dexplan.planning.tasks.starting import Start
 from dexplan.plans.contacts import Contacts, Placement, list_holding
 from dexplan.plans.goal import RotationGoal
@@ -69,7 +69,7 @@ def plan_rotation_on_sites(
         # One way more has its turn every time; each goes on where it stopped.
         if turn < len(ways):
             track, movers = ways[turn]
-            contacts = landed and _center_spins(hand, landed, start, track.motions[0])
+            contacts = landed and center_start_spins(hand, landed, start, track.motions[0])
             begun.append(SiteGait(hand, admissibility, track, contacts, movers))
             if turn + 1 == len(ways) // len(tracks) and not any(gait.has_start for gait in begun):
                 return _refuse_every_start(hand, goal, admissibility, begun[0])
@@ -101,17 +101,6 @@ def _list_movers(
 
 def _as_motion(leg: Leg) -> ObjectMotion:
     return ObjectMotion(leg.X_WO_start, leg.axis_W, leg.angle, leg.shift_W)
-
-
-def _center_spins(
-    hand: HandModel, landed: Contacts, start: Start, motion: ObjectMotion
-) -> tuple[Placement | None, ...]:
-    """Return the start contacts with their spins chosen for the first ``motion``; a tip that stands there already stays."""
-    given = (None,) * len(landed) if start is None else start
-    return tuple(
-        c if c is None or isinstance(one, Placement) else center_spin(hand, c, motion)
-        for c, one in zip(landed, given, strict=True)
-    )
 
 
 def _build(hand: HandModel, goal: RotationGoal, found: FoundGait, opened: int) -> Plan:

@@ -116,10 +116,15 @@ class Outcome:
 NOT_BEGUN = Outcome(why=Refusal(RefusalKind.WORK_USED_UP), stop=Stop.NOT_BEGUN, gave_up=True)
 
 
-def choose_rests(motion: ObjectMotion) -> tuple[float, ...]:
-    """Return the shares of a motion that are left to the search that adjusts the grasp; gaits do what comes before."""
+def choose_rests(motion: ObjectMotion, is_on_sites: bool = False) -> tuple[float, ...]:
+    """Return the shares of a motion that are left to the search that adjusts the grasp; gaits do what comes before.
+
+    On sites the search does all of it, as far as each pass has work for.
+    """
     if motion.is_still:
         return (0.0,)
+    if is_on_sites:
+        return (1.0,) * len(REST_ANGLES)
     size = max(abs(motion.angle), float(np.linalg.norm(motion.shift_W)) / REST_SHIFT)
     shares = [min(1.0, angle / size) for angle in REST_ANGLES]
     return tuple(dict.fromkeys(shares))

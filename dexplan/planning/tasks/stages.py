@@ -23,7 +23,6 @@ from dexplan.planning.tasks.grasp_task import GraspTask
 from dexplan.planning.tasks.no import No
 from dexplan.planning.tasks.passes import (
     NOT_BEGUN,
-    REST_ANGLES,
     UNLIMITED,
     Allowance,
     GraspWay,
@@ -34,8 +33,9 @@ from dexplan.planning.tasks.passes import (
     choose_rests,
     scale_work,
 )
+from dexplan.planning.tasks.start_spins import center_start_spins
 from dexplan.plans.actions import Action
-from dexplan.plans.contacts import Contacts, Placement
+from dexplan.plans.contacts import Contacts
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
@@ -122,7 +122,7 @@ class Stages:
             # Rolls are tried in a few steps only: that none of them did is no proof.
             why = Refusal(RefusalKind.NO_WAY_IN, because=(side.refusal,))
             return Outcome(why=why, stop=Stop.ENTRY, gave_up=side.is_rolled)
-        shares, refused, part = self._choose_rests(before), list[Outcome](), allowance.part
+        shares, refused, part = choose_rests(before, self.task.is_on_sites), list[Outcome](), allowance.part
         for k in range(len(shares)) if part is None else (part.rest,):
             if self.work >= allowance.work:
                 refused.append(NOT_BEGUN)
@@ -148,7 +148,7 @@ class Stages:
         refused: dict[tuple[int, int], Outcome] = {
             (number, k): NOT_BEGUN
             for number, way in enumerate(ways)
-            for k in range(len(self._choose_rests(way.before)))
+            for k in range(len(choose_rests(way.before, self.task.is_on_sites)))
             if k in rests
         }
         for part in passes:
@@ -277,22 +277,9 @@ class Stages:
             ends = self._gaits[key] = Ends(task.hand, goal, self.beginnings, contacts, task.options)
             if part.is_still:
                 if task.is_on_sites:
-                    contacts = self._center_spins(contacts, motion)
+                    contacts = center_start_spins(task.hand, contacts, task.start, motion)
                 ends.settle(End((), contacts, contacts))
         return self._gaits[key]
-
-    def _choose_rests(self, before: ObjectMotion) -> tuple[float, ...]:
-        """Return the shares of a motion that are left to the search; on sites all of it, more of the same with every pass."""
-        shares = choose_rests(before)
-        return (1.0,) * len(REST_ANGLES) if self.task.is_on_sites and not before.is_still else shares
-
-    def _center_spins(self, contacts: Contacts, motion: ObjectMotion) -> Contacts:
-        """Return start contacts with the spin that ``motion`` asks for; a tip that stands there already stays."""
-        given = self.task.start or (None,) * len(contacts)
-        return tuple(
-            c if c is None or isinstance(one, Placement) else center_spin(self.task.hand, c, motion)
-            for c, one in zip(contacts, given, strict=True)
-        )
 
     @cached_property
     def beginnings(self) -> list[Beginning]:
