@@ -14,10 +14,12 @@ from dexplan.planning.search.options import SearchOptions
 from dexplan.planning.tasks.by_shape import plan_gait
 from dexplan.planning.tasks.goal_refusals import GoalContacts, locate_goal
 from dexplan.planning.tasks.no import No
+from dexplan.planning.tasks.start_spins import center_start_spins
 from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
 from dexplan.plans.contacts import Contacts, GoalContact, Placement
 from dexplan.plans.goal import RotationGoal
+from dexplan.plans.motion import ObjectMotion
 from dexplan.plans.plan import Plan
 from dexplan.plans.refusal import Refusal
 from dexplan.plans.status import Status
@@ -52,6 +54,11 @@ class GraspTask:
     def is_on_sites(self) -> bool:
         """Whether the object looks different from different sides, so that its ways are searched over sites."""
         return not isinstance(self.hand.object.body, BallBody)
+
+    def spin_start(self, motion: ObjectMotion) -> Contacts:
+        """Return the start contacts; on sites, where all of ``motion`` is searched over at once, with the spins it asks for."""
+        held = self.hold.start_contacts
+        return center_start_spins(self.hand, held, self.start, motion) if self.is_on_sites else held
 
     @property
     def is_start_refused(self) -> bool:

@@ -33,7 +33,6 @@ from dexplan.planning.tasks.passes import (
     choose_rests,
     scale_work,
 )
-from dexplan.planning.tasks.start_spins import center_start_spins
 from dexplan.plans.actions import Action
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.goal import RotationGoal
@@ -269,15 +268,13 @@ class Stages:
 
     def _gait(self, motion: ObjectMotion, rest: float, is_attitude: bool) -> Ends:
         """Return the ends of gaits that take the object through all of ``motion`` but its last share ``rest``."""
-        task, contacts = self.task, self.task.hold.start_contacts
+        task, contacts = self.task, self.task.spin_start(motion)
         part = motion.part(0.0, 1.0 - rest)
         key = np.round([*part.axis_W, part.angle, *part.shift_W, is_attitude], 9).tobytes()
         if key not in self._gaits:
             goal = RotationGoal(task.X_WO, part.axis_W, part.angle, part.shift_W, is_attitude)
             ends = self._gaits[key] = Ends(task.hand, goal, self.beginnings, contacts, task.options)
             if part.is_still:
-                if task.is_on_sites:
-                    contacts = center_start_spins(task.hand, contacts, task.start, motion)
                 ends.settle(End((), contacts, contacts))
         return self._gaits[key]
 
