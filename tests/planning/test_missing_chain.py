@@ -39,6 +39,13 @@ def turn(
     return pipeline.plan(build_problem(data))
 
 
+def shift(way: list[float]) -> Plan:
+    asked = {"shape": CUBE, "mass_kg": 0.08}
+    return pipeline.plan(
+        build_problem({"format": 1, "name": "far", "object": asked, "goal": {"translation_m": way}})
+    )
+
+
 @pytest.mark.parametrize(
     ("body", "friction", "count"),
     [
@@ -75,6 +82,13 @@ def test_the_planner_begins_on_faces_that_come_there(angle: float) -> None:
     plan = turn([0.0, 1.0, 0.0], angle, "auto")
     assert plan.is_solved, plan.reason
     assert all(abs(c.normal_O[1]) > 0.99 for c in plan.start_contacts if c is not None)
+
+
+def test_where_nothing_holds_at_the_goal_that_is_said() -> None:
+    plan = shift([0.0, 0.0, 0.5])
+    assert plan.status == "goal_unreachable"
+    assert "shorten goal.translation_m" in plan.reason
+    assert "at the goal" in plan.reason
 
 
 def test_where_the_weight_is_too_much_that_is_the_reason() -> None:

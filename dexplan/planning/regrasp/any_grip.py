@@ -16,7 +16,7 @@ from dexplan.planning.contacts.start_pairs import list_pairs
 from dexplan.planning.contacts.track import Track
 from dexplan.planning.regrasp.build import build_moves
 from dexplan.planning.regrasp.ends import AnyEnd
-from dexplan.planning.regrasp.missing_chain import explain_missing_chain
+from dexplan.planning.regrasp.missing_chain import explain_missing_chain, refuse_goal_pose
 from dexplan.planning.regrasp.moves import Move
 from dexplan.planning.regrasp.pairs import Pair
 from dexplan.planning.regrasp.relocation_bound import RelocationBound
@@ -85,6 +85,10 @@ class SiteGait:
         start = self._contacts.layers.poses[0].placements(trace_back(last)[0].grip)
         moves = build_moves(self._contacts, last, nothing, None)
         return FoundGait(start, _name_rewinds(moves) if self._is_rewind else moves)
+
+    def refuse_goal(self) -> Refusal | None:
+        """Return why no two fingers hold the object at the end of the track; None where two may."""
+        return refuse_goal_pose(self._bound)
 
     def explain(self) -> Refusal:
         """Return what stopped the search nearest to the end, or why it could not begin."""

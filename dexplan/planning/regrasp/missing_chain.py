@@ -50,6 +50,12 @@ class Counts:
     hold: int
 
 
+def refuse_goal_pose(bound: RelocationBound) -> Refusal | None:
+    """Return why no two fingers hold the object where its way ends; None where two may."""
+    counts = _count_pairs(bound, bound.layers.last)
+    return None if counts.hold else _refuse_pose(bound, bound.layers.last, counts)
+
+
 def explain_missing_chain(bound: RelocationBound, starts: Sequence[Stand]) -> Refusal:
     """Return why there is no way from any of the stands ``starts`` in the first pose, as far as ``bound`` can tell."""
     last = bound.layers.last

@@ -82,6 +82,10 @@ def plan_rotation_on_sites(
             opened += gait.opened - before
             if found is not None:
                 return _build(hand, goal, found, opened)
+    if not opened and (refusal := begun[0].refuse_goal()):
+        shorten = "; shorten goal.translation_m" if np.any(goal.shift_W) else ""
+        reason = f"no two fingers can hold the object at the goal: {spell_no_pair(refusal)}{shorten}"
+        return refuse(hand, goal, Status.GOAL_UNREACHABLE, reason, refusal)
     why = begun[0].explain()
     status = Status.BUDGET_EXHAUSTED if any(not gait.is_exhausted for gait in begun) else Status.NO_GAIT
     # Where no node was opened, it is the geometry that says no.
