@@ -97,7 +97,7 @@ def compare(questions: Iterable[ForceQuestion]) -> AuditAgreement:
 
 def compute_margin(question: ForceQuestion) -> float:
     """Return Clarabel's margin [greatest normal force]; -inf where no forces at all give the wrench, NaN where it gives up."""
-    clarabel = _load_clarabel()
+    clarabel = load_clarabel()
     count, joints = question.torque_bias.shape
     size, own = 4 * count, [slice(4 * k, 4 * k + 4) for k in range(count)]
     mu, torsional = question.friction.T
@@ -226,7 +226,7 @@ def _draw_question(rng: np.random.Generator) -> ForceQuestion:
     )
 
 
-def _load_clarabel() -> ModuleType:
+def load_clarabel() -> ModuleType:
     """Return the package ``clarabel``, which only the development tools need."""
     try:
         import clarabel

@@ -10,6 +10,7 @@ from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.spatial import Array
 from dexplan.witness.grasp_grid import Grid, PairTables, get_pair_limits, solve_postures
+from dexplan.witness.several_contacts import measure_grasp_spare
 from dexplan.witness.two_contacts import PairTorques, build_frames_into, map_to_joints, measure_spare
 
 LIFTS = (0.025, 0.05)
@@ -35,8 +36,8 @@ class PairJudge:
     def holds(self, k: int, contacts: tuple[Contact, ...]) -> bool:
         """Return whether fingers can be at these contacts at pose ``k``, all others at home.
 
-        Two have to hold the object, with joint torques looked at.  Three are only asked for room: any mean of the forces of two
-        of their pairs is inside all cones and bears the weight.
+        They have to hold the object, with joint torques looked at, and every one of them pressed with the least normal force at
+        least: of three, that is more than two of their pairs holding.
         """
         key = (k, tuple(sorted(contacts)))
         if key not in self._held:
@@ -44,12 +45,12 @@ class PairJudge:
             self._held[key] = (
                 self.tables.is_in_order(k, contacts)
                 and self._is_clear(k, contacts)
-                and (len(contacts) > 2 or self.measure_pair(k, contacts) >= 0.0)
+                and self.measure_spare(k, contacts) >= 0.0
             )
         return self._held[key]
 
-    def measure_pair(self, k: int, contacts: tuple[Contact, ...]) -> float:
-        """Return the force [N] that two contacts have to spare, torques of the joints included."""
+    def measure_spare(self, k: int, contacts: tuple[Contact, ...]) -> float:
+        """Return the force [N] that two or three contacts have to spare, torques of the joints included."""
         hand, X = self.hand, self.X_WO[k]
         sites, site, q = self.grid.sites, self.grid.site, self.place(k, contacts)
         rows = [site[c] for _, c in contacts]
@@ -64,7 +65,10 @@ class PairJudge:
         most = hand.limits.torque_share * np.stack([hand.fingers[f].torque_limit for f in fingers])
         torques = PairTorques(np.stack(maps)[None], bias[None], most)
         wrench = compute_wrench(hand.object.mass_properties, X[:3, :3])
-        return float(measure_spare(arms[None], frames[None], wrench, get_pair_limits(hand), torques)[0])
+        limits = get_pair_limits(hand)
+        if len(contacts) > 2:
+            return measure_grasp_spare(arms, frames, wrench, limits, torques)
+        return float(measure_spare(arms[None], frames[None], wrench, limits, torques)[0])
 
     def place(self, k: int, contacts: tuple[Contact, ...]) -> Array:
         """Return the postures (F, J) with these contacts, all others at home; the tips' own joints amid their ranges."""

@@ -20,6 +20,7 @@ from dexplan.witness.body_rows import record, record_verdict, summarise
 from dexplan.witness.grasp_grid import Statics, build_grid, get_pair_limits, spread_sites
 from dexplan.witness.pair_judge import PairJudge
 from dexplan.witness.pair_search import Outcome, PairSearch, find_axes
+from dexplan.witness.several_contacts import measure_grasp_spare
 from dexplan.witness.two_contacts import PairLimits, PairTorques, build_frames_into, is_closed, measure_spare
 
 
@@ -77,6 +78,28 @@ def test_two_contacts_bear_what_friction_floor_and_ceiling_leave() -> None:
         assert (spare(2.0, torques) >= 0.0) is holds
 
 
+def test_a_third_contact_has_to_be_pressed_and_the_others_bear_that() -> None:
+    """Two opposite contacts hold; a third beside them pushes with its least normal force, which takes friction."""
+    angles = np.radians([0.0, 180.0, 90.0])
+    out = np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
+    arms, frames = 0.03 * out, build_frames_into(out)
+    wrench = np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0])
+
+    def spare(count: int, floor: float, sliding: float = 0.5) -> float:
+        torques = PairTorques(np.zeros((1, count, 1, 4)), np.zeros((1, count, 1)), np.ones((count, 1)))
+        limits = PairLimits(SoftFinger(sliding, 0.002), floor, 12.0)
+        return measure_grasp_spare(arms[:count], frames[:count], wrench, limits, torques)
+
+    both = PairLimits(SoftFinger(0.5, 0.002), 4.0, 12.0)
+    assert spare(2, 4.0) == pytest.approx(
+        float(measure_spare(arms[None, :2], frames[None, :2], wrench, both)[0]), abs=0.05
+    )
+    # The third pushes sideways with its floor at least: friction of the two others bears that, half each.
+    assert spare(3, 4.0) > 0.0
+    assert spare(3, 4.0, sliding=0.15) < 0.0
+    assert spare(3, 0.1, sliding=0.15) > 0.0
+
+
 def test_closure_is_that_of_nguyen_on_random_pairs() -> None:
     rng = np.random.default_rng(0)
     points, normals = rng.normal(size=(2, 4000, 2, 3))
@@ -99,7 +122,7 @@ def test_pairs_that_the_planner_bears_hold_here_too(egg: Problem) -> None:
         bears = theirs.compute_margins(q, X, (0, 1)).is_admissible
         seen.add(bears)
         if bears:
-            assert ours.measure_pair(0, contacts) >= 0.0
+            assert ours.measure_spare(0, contacts) >= 0.0
     assert True in seen
     statics = Statics(hand, grid.sites).find_holding(X[:3, :3])
     assert np.array_equal(statics, statics.T)
