@@ -21,8 +21,7 @@ from dexplan.plans.forces import NormalForces
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.margins import MarginLimits
 from dexplan.plans.timing import Timing
-from dexplan.problems.object_section import AllowedRegion
-from dexplan.problems.problem import GoalSection, Problem, Waypoint
+from dexplan.problems.problem import AllowedRegion, GoalSection, Problem, Waypoint
 from dexplan.problems.shapes import build_shape
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
