@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from dexplan.plans.forces import NormalForces
 from dexplan.plans.goal import RotationGoal
 from dexplan.plans.margins import MarginLimits
 from dexplan.plans.timing import Timing
-from dexplan.problems.problem import GoalSection, Problem, Waypoint
+from dexplan.problems.problem import AllowedRegion, GoalSection, Problem, Waypoint
 from dexplan.problems.shapes import build_shape
 from dexplan.scene.description import ContactCone, Obstacle, SceneParameters
 from dexplan.scene.library import load_scene_with
@@ -51,22 +53,60 @@ def build_scene(problem: Problem) -> Scene:
     )
 
 
+@dataclass(frozen=True)
+class _HandParts:
+    """All that a hand model is made of, as values: equal parts make the same hand."""
+
+    scene: Scene
+    regions: tuple[AllowedRegion, ...]
+    friction: SoftFinger
+    limits: AdmissibleLimits
+    normal_force: float
+    hover: float
+    acceleration: float
+    tip_polar_limit: float
+    tip_rotation_limit: float
+
+
 def build_hand(problem: Problem, scene: Scene) -> HandModel:
-    """Return what the planner may know of ``scene``, with the friction that ``problem`` believes in."""
-    center = scene.object.X_WO_home[:3, 3]
+    """Return what the planner may know of ``scene``, with the friction that ``problem`` believes in.
+
+    Problems that differ in start and goal alone share one hand in a thread, and with it what planning remembers of it.
+    """
     timing, squeeze = build_timing(problem), build_squeeze(problem, scene)
+    return _build_hand(
+        _HandParts(
+            scene=scene,
+            regions=problem.object.allowed_regions,
+            friction=build_friction(problem).scaled(squeeze.friction_share),
+            limits=build_limits(problem, squeeze),
+            normal_force=squeeze.normal,
+            hover=timing.touchdown.hover,
+            acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
+            tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
+            tip_rotation_limit=float(np.radians(problem.hand.tip_rotation_limit_deg)),
+        ),
+        get_ident(),
+    )
+
+
+@lru_cache(maxsize=8)
+def _build_hand(parts: _HandParts, thread: int) -> HandModel:
+    """Return the hand made of ``parts``, one for each ``thread``: its probe answers one question at a time."""
+    scene = parts.scene
+    center = scene.object.X_WO_home[:3, 3]
     return HandModel(
         fingers=scene.fingers,
-        object=replace(scene.object, allowed_regions=build_allowed_regions(problem)),
+        object=replace(scene.object, allowed_regions=_build_cones(parts.regions)),
         workspaces=tuple(load_workspace(finger, center) for finger in scene.fingers),
-        friction=build_friction(problem).scaled(squeeze.friction_share),
+        friction=parts.friction,
         probe=HandProbe(scene),
-        limits=build_limits(problem, squeeze),
-        normal_force=squeeze.normal,
-        hover=timing.touchdown.hover,
-        acceleration=0.5 * np.pi * timing.object_speed / timing.ramp,
-        tip_polar_limit=float(np.radians(problem.hand.tip_polar_limit_deg)),
-        tip_rotation_limit=float(np.radians(problem.hand.tip_rotation_limit_deg)),
+        limits=parts.limits,
+        normal_force=parts.normal_force,
+        hover=parts.hover,
+        acceleration=parts.acceleration,
+        tip_polar_limit=parts.tip_polar_limit,
+        tip_rotation_limit=parts.tip_rotation_limit,
     )
 
 
@@ -114,9 +154,12 @@ def build_margin_limits(problem: Problem) -> MarginLimits:
 
 def build_allowed_regions(problem: Problem) -> tuple[ContactCone, ...]:
     """Return the parts of the object that contacts may use; none means all of it."""
+    return _build_cones(problem.object.allowed_regions)
+
+
+def _build_cones(regions: tuple[AllowedRegion, ...]) -> tuple[ContactCone, ...]:
     return tuple(
-        ContactCone(np.array(region.axis), float(np.radians(region.half_angle_deg)))
-        for region in problem.object.allowed_regions
+        ContactCone(np.array(region.axis), float(np.radians(region.half_angle_deg))) for region in regions
     )
 
 

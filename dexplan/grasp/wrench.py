@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import GRAVITY, Array, lock_arrays, read_only
+from dexplan.spatial import GRAVITY, Array, cross_all, lock_arrays, read_only
 
 DOWN = read_only(np.array([0.0, 0.0, -GRAVITY]))
 """Gravity's acceleration (3,) [m/s^2] in world axes."""
@@ -80,7 +80,7 @@ def compute_wrench(
     )
     c = R @ body.com
     inertia = R @ body.inertia @ R.swapaxes(-1, -2)
-    f = body.mass * (a + np.cross(alpha, c) + np.cross(w, np.cross(w, c)) - g)
+    f = body.mass * (a + cross_all(alpha, c) + cross_all(w, cross_all(w, c)) - g)
     spin = (inertia @ w[..., None])[..., 0]
-    tau = (inertia @ alpha[..., None])[..., 0] + np.cross(c, f) + np.cross(w, spin)
+    tau = (inertia @ alpha[..., None])[..., 0] + cross_all(c, f) + cross_all(w, spin)
     return np.concatenate(np.broadcast_arrays(f, tau), axis=-1)

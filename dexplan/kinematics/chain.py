@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dexplan.brief import brief_repr
-from dexplan.spatial import Array, hat, read_only
+from dexplan.spatial import Array, cross_all, hat, read_only
 
 IK_DAMPING = 1e-4
 IK_MAX_STEP = 0.35
@@ -127,7 +127,7 @@ def compute_tip_motion(chain: Chain, q: Array) -> tuple[Array, Array]:
 
 
 def _jacobian(p: Array, axes: Array, origins: Array) -> Array:
-    linear = np.cross(axes, p[:, None, :] - origins)
+    linear = cross_all(axes, p[:, None, :] - origins)
     return np.concatenate([linear, axes], axis=-1).swapaxes(-1, -2)
 
 
