@@ -120,6 +120,11 @@ class ObjectDescription:
         own = self.mass_properties
         return replace(self, mass_properties=MassProperties(mass, own.com, mass / own.mass * own.inertia))
 
+    @property
+    def is_isotropic(self) -> bool:
+        """Whether the object looks the same from all sides: then contacts are told apart by their normals alone."""
+        return isinstance(self.body, BallBody)
+
     @cached_property
     def surface(self) -> Sphere:
         """The surface of a ball, for what is derived for balls alone; raises DexplanError for any other body."""

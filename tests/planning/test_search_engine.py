@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections import deque
 from collections.abc import Hashable
@@ -168,6 +169,30 @@ def test_nodes_are_frozen() -> None:
     opened = replace(node, bound=2.0)
     assert node.bound is None
     assert known_bound(opened) == 2.0
+
+
+def test_tasks_name_no_hand_and_no_object() -> None:
+    """No code of the room is for balls, six joints or three fingers; nothing is keyed by a normal.
+
+    Whether an object looks the same from all sides is asked of the object, how a finger is solved of its chain.
+    """
+    room = Path(__file__).resolve().parents[2] / "dexplan" / "planning" / "tasks"
+    special = re.compile(r"ball|(?<!ico)sphere|cube|(three|six)(_|$)", re.I)
+    found = []
+    for path in sorted(room.glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            where = f"{path.name}:{getattr(node, 'lineno', 0)}"
+            match node:
+                case ast.Name(id=name) | ast.Attribute(attr=name) | ast.FunctionDef(name=name):
+                    found += [f"{where} {name}"] if special.search(name) else []
+                case ast.Call(func=ast.Attribute(attr="tobytes", value=value)):
+                    found += [f"{where} key"] if "normal" in ast.unparse(value) else []
+                case ast.Compare(left=left, comparators=[ast.Constant(value=3 | 6)]):
+                    counted = ast.unparse(left)
+                    found += [f"{where} {counted}"] if "fingers" in counted or "joints" in counted else []
+                case _:
+                    pass
+    assert not found
 
 
 def test_the_engine_knows_no_hand_and_no_object() -> None:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.grasp.force.solver import (
     GENTLE_FRICTION,
     ForceLimits,
@@ -209,7 +208,7 @@ class Admissibility:
             p_WF = states[i].X_WF[:3, 3]
             touched = body.project(R_WO.T @ (p_WF - p_WO))
             arm_W = R_WO @ touched.point
-            normal_W = None if isinstance(body, BallBody) else R_WO @ touched.normal
+            normal_W = None if hand.object.is_isotropic else R_WO @ touched.normal
             G[:, 4 * k : 4 * k + 4], maps[k] = map_contact(states[i].J, arm_W, p_WO + arm_W - p_WF, normal_W)
         alpha = np.zeros(3) if axis_W is None else hand.acceleration * axis_W
         wrench = compute_wrench(hand.object.mass_properties, R_WO, angular_acceleration=alpha)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.kinematics.arcs import build_travel, compute_hover
 from dexplan.planning.admissible.admissibility import (
@@ -100,8 +99,7 @@ class StillContacts:
             rows = find_facing(self.hand, self.X_WO, finger, sites)
             at = sites.normals[rows], sites.points[rows]
             found = list[Placement | None]()
-            is_ball = isinstance(self.hand.object.body, BallBody)
-            for tilt in TILTS if len(self.ahead) or not is_ball else (0.0,):
+            for tilt in TILTS if len(self.ahead) or not self.hand.object.is_isotropic else (0.0,):
                 found += build_landings(self.hand, self.X_WO, finger, *at, tilt=tilt)
             landed = center_spins(self.hand, [p for p in found if p is not None], self.ahead)
             self._landings[finger] = self.add_all(landed)
@@ -158,7 +156,7 @@ class StillContacts:
 
     def get_direction(self, spot: int) -> Array:
         """Return in which direction (3,) in W the tip at a spot is from the object's origin: on a ball the normal."""
-        if isinstance(self.hand.object.body, BallBody):
+        if self.hand.object.is_isotropic:
             return self._normals[spot]
         arm = self._states[spot].X_WF[:3, 3] - self.X_WO[:3, 3]
         return np.asarray(arm / np.linalg.norm(arm))

@@ -7,7 +7,6 @@ from itertools import permutations
 
 import numpy as np
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.separation import compute_pair_angle_max
@@ -53,7 +52,7 @@ def roll_all_the_way(
     All of them together, or, where that is not admissible at every instant, one after another in the first order that is; None
     where that fails too, or where other fingers touch than in the goal.
     """
-    if not isinstance(hand.object.body, BallBody):
+    if not hand.object.is_isotropic:
         return None
     pairs = list(zip(start, goal, strict=True))
     if any((a is None) != (b is None) for a, b in pairs):
@@ -115,7 +114,7 @@ class RollEveryPair(RollToPair):
     def first_of_every_pair(self, count: int) -> list[RollPlan]:
         """Return up to ``count`` ways for every pair."""
         found: list[RollPlan] = []
-        if not isinstance(self.hand.object.body, BallBody):
+        if not self.hand.object.is_isotropic:
             return found
         touching = [c for c in self.contacts if c is not None]
         limits = self.hand.limits

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.search.cost import Improvement
 from dexplan.planning.search.options import Primitive
@@ -25,6 +24,6 @@ def plan_gait(
 
     Arguments as in :func:`plan_rotation`; on sites the first plan is taken.
     """
-    if isinstance(hand.object.body, BallBody):
+    if hand.object.is_isotropic:
         return plan_rotation(hand, goal, start, node_budget, primitives, improvement)
     return plan_rotation_on_sites(hand, goal, start, node_budget, primitives)

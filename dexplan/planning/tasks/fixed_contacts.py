@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.actions.coordinated import center_spin
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import (
@@ -128,8 +127,8 @@ def plan_fixed_contacts(hand: HandModel, goal: RotationGoal, start: Start, node_
         return plan
     admissibility = Admissibility(hand)
     motion = goal.motion
-    if start is None and not isinstance(hand.object.body, BallBody):
-        # On a ball every pair is like every other, turned; elsewhere some go farther.
+    if start is None and not hand.object.is_isotropic:
+        # Where all sides look the same every pair is like every other, turned; elsewhere some go farther.
         farthest = _choose_pair(hand, admissibility, motion) or plan.start_contacts
         plan = replace(plan, start_contacts=farthest)
     contacts = tuple(

@@ -6,7 +6,6 @@ from itertools import combinations
 
 import numpy as np
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.errors import spell_apart
 from dexplan.grasp.closure import check_force_closure
 from dexplan.grasp.grasp import Contact, Grasp
@@ -53,7 +52,7 @@ def locate_goal(hand: HandModel, goal: GoalContacts) -> tuple[GoalContact | None
     for finger, direction in enumerate(goal):
         if direction is None:
             found.append(None)
-        elif isinstance(body, BallBody):
+        elif hand.object.is_isotropic:
             found.append(GoalContact(finger, hand.object.surface.radial(direction), direction))
         else:
             point = body.radial(direction)

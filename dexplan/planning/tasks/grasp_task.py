@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.actions.joining import enclose
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -53,7 +52,7 @@ class GraspTask:
     @property
     def is_on_sites(self) -> bool:
         """Whether the object looks different from different sides, so that its ways are searched over sites."""
-        return not isinstance(self.hand.object.body, BallBody)
+        return not self.hand.object.is_isotropic
 
     def spin_start(self, motion: ObjectMotion) -> Contacts:
         """Return the start contacts; on sites, where all of ``motion`` is searched over at once, with the spins it asks for."""

@@ -10,7 +10,6 @@ from itertools import combinations, count, product
 
 import numpy as np
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.actions.joining import build_move_actions, enclose
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -122,7 +121,7 @@ def _refuse_every_start(
     hand: HandModel, goal: RotationGoal, admissibility: Admissibility, gait: SiteGait
 ) -> Plan:
     """Return the answer where no pair of landings holds the object at its start."""
-    if isinstance(hand.object.body, BallBody):
+    if hand.object.is_isotropic:
         refusal = explain_no_pair(PairSurvey(hand, goal.X_WO_start, admissibility))
     else:
         refusal = gait.explain()

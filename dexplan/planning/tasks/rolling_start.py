@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 
-from dexplan.contact.bodies.smooth import BallBody
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
@@ -50,12 +49,12 @@ def plan_object_manipulation(
 ) -> Plan:
     """Return a plan that takes the object to ``goal``; arguments as in :func:`plan_rotation`."""
     plan = plan_gait(hand, goal, start, node_budget, primitives, improvement)
-    if not isinstance(hand.object.body, BallBody):
+    if not hand.object.is_isotropic:
         return plan
     touching = sum(c is not None for c in plan.start_contacts)
     if plan.status not in STUCK or touching < 2:
         return plan
-    beginnings: _Beginnings = (_FromPair if touching == 2 else _FromThree)(hand, goal, plan)
+    beginnings: _Beginnings = (_FromPair if touching == 2 else _RolledStart)(hand, goal, plan)
     refused: list[Plan] = []
     left, is_cut = node_budget - int(plan.statistics["nodes"]), False
     for number, beginning in enumerate(islice(beginnings.find(), beginnings.most + 1)):
@@ -118,7 +117,7 @@ class _FromPair(_Beginnings):
         return f"rolling first does not help: {self._rolls.explain()}"
 
 
-class _FromThree(_Beginnings):
+class _RolledStart(_Beginnings):
     """Three fingers hold; a pair of them rolls until it holds alone, or does so already, and the third is lifted."""
 
     most = OPTIONS
