@@ -196,7 +196,7 @@ def test_ways_to_roll_that_were_not_tried_leave_the_answer_open(
     slippery: HandModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where one way to roll is all that may be tried, nothing follows from it for the others."""
-    monkeypatch.setattr(rolling_start._FromThree, "most", 1)
+    monkeypatch.setattr(rolling_start._RolledStart, "most", 1)
     monkeypatch.setattr(rolling_start, "LIFTS", 0)
     plan = ask(slippery, LIFTED_PAIR_ROLLS)[1]
     assert plan.status == "budget_exhausted"
