@@ -20,7 +20,8 @@ from dexplan.errors import DexplanError
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.tip_rotation import refuse_rotation
-from dexplan.planning.rolling.roll_gait import as_roll, build_roll, end_placement, follow_roll, judge_ways
+from dexplan.planning.rolling.roll_gait import follow_roll, judge_ways
+from dexplan.planning.rolling.rolls import as_roll, build_roll, end_placement
 from dexplan.plans.actions import Action, Roll
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.phases import MUST, PlannedPhase
@@ -132,7 +133,7 @@ class Stand:
                 _, refusal = judge_ways(self.hand, judge, self.plan.X_WO_start, ways)
             if refusal:
                 return None, str(refusal)
-            contacts[leg.finger] = end_placement(leg, before, q[-1])
+            contacts[leg.finger] = end_placement(self.hand, leg, before, q[-1])
             actions.append(_build_action(first, tuple(contacts), leg))
         if refusal := refuse_rotation(self.hand, actions):
             return None, str(refusal)

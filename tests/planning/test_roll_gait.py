@@ -11,8 +11,9 @@ import pytest
 from dexplan import pipeline
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.rolling.roll_gait import RollToPair, build_roll, build_roll_actions, follow_roll
+from dexplan.planning.rolling.roll_gait import RollToPair, build_roll_actions, follow_roll
 from dexplan.planning.rolling.rolling_carry import build_carry_roll, plan_rolling_turn
+from dexplan.planning.rolling.rolls import build_roll
 from dexplan.plans.contacts import Placement
 from dexplan.plans.phases import MAY, MUST, MUST_NOT
 from dexplan.plans.plan import Plan

@@ -15,8 +15,9 @@ from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.contact.rolling.roll_to import RollEnd, roll_to
 from dexplan.contact.surfaces.shapes import Sphere
 from dexplan.planning.admissible.tip_rotation import measure_rotation, trace_on_tip
-from dexplan.planning.rolling.roll_gait import as_roll, follow_roll
+from dexplan.planning.rolling.roll_gait import follow_roll
 from dexplan.planning.rolling.rolling_carry import build_carry_roll
+from dexplan.planning.rolling.rolls import as_roll
 from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array, make_pose, rotate_about
 from dexplan.witness.rolling import Stand, build_roll_problem, compute_heading

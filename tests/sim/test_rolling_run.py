@@ -13,8 +13,8 @@ from dexplan.contact.rolling.manoeuvre import RollingTriangle
 from dexplan.control.reference import Reference
 from dexplan.planning.actions.gaits import build_hold
 from dexplan.planning.admissible.admissibility import Admissibility
-from dexplan.planning.rolling.roll_gait import as_roll, build_roll
 from dexplan.planning.rolling.rolling_carry import plan_rolling_turn
+from dexplan.planning.rolling.rolls import as_roll, build_roll
 from dexplan.plans.motion import rest_at
 from dexplan.plans.plan import Plan
 from dexplan.plans.tip_roll import TipRoll

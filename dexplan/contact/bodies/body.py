@@ -123,6 +123,11 @@ class ConvexBody(ABC):
         Infinite where there is no edge on the part of the surface that the point lies on.
         """
 
+    @property
+    def is_smooth(self) -> bool:
+        """Whether the normal turns without a jump everywhere, so that a tip may roll over all of the surface."""
+        return False
+
     def is_symmetric_about(self, axis: ArrayLike) -> bool:
         """Return whether every turn about ``axis`` (3,) through the origin leaves the body as it is."""
         own, asked = self.symmetry, np.asarray(axis, dtype=np.float64)

@@ -114,6 +114,11 @@ class CylinderBody(ConvexBody):
         return float(np.linalg.norm(core)) + self.rim
 
     @property
+    def is_smooth(self) -> bool:
+        """With a rounded rim."""
+        return self.rim > 0.0
+
+    @property
     def symmetry(self) -> Array:
         """The z axis."""
         return _Z

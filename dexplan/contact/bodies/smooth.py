@@ -33,6 +33,11 @@ class BallBody(ConvexBody):
         return self.radius
 
     @property
+    def is_smooth(self) -> bool:
+        """True."""
+        return True
+
+    @property
     def symmetry(self) -> Array:
         """One of all axes."""
         return _Z
@@ -90,6 +95,11 @@ class EllipsoidBody(ConvexBody):
     def bound(self) -> float:
         """As :attr:`ConvexBody.bound`."""
         return max(self.a, self.b, self.c)
+
+    @property
+    def is_smooth(self) -> bool:
+        """True."""
+        return True
 
     @property
     def symmetry(self) -> Array | None:
@@ -181,6 +191,11 @@ class CapsuleBody(ConvexBody):
     def bound(self) -> float:
         """As :attr:`ConvexBody.bound`."""
         return self.radius + self.half_length
+
+    @property
+    def is_smooth(self) -> bool:
+        """True."""
+        return True
 
     @property
     def symmetry(self) -> Array:

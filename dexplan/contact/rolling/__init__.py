@@ -3,6 +3,7 @@
 ==============  =====================================================================================
 ``roll_to``     ``roll_to``: from a contact to another one within the tip's limits, or why not
 ``curves``      ``roll_along``, ``roll_turning`` on balls in closed form, ``roll_over`` on any surface
+``on_body``     ``roll_on_body``: on any smooth convex body, along the curve that a ray sweeps
 ``manoeuvre``   ``RollingTriangle``, the paper's longitude-equator manoeuvre, repeated and re-rotated
 ``candidates``  ``RollLimits``: what a tip may do while it rolls
 ``path``        ``RollingPath``: the answer, sampled so that a controller can follow it
@@ -25,6 +26,6 @@ A tip of 18 mm touches a ball of 35 mm with its pole, and rolls 20 degrees along
 
 from dexplan.moved import forward
 
-__all__ = ["candidates", "curves", "manoeuvre", "path", "roll_to", "turning"]
+__all__ = ["candidates", "curves", "manoeuvre", "on_body", "path", "roll_to", "turning"]
 
 __getattr__ = forward(__name__, ["dexplan.contact.rolling.curves"])

@@ -2,6 +2,7 @@
 
 ==================  ================================================================================
 ``roll_gait``       ``RollToPair``: three fingers roll until two of them hold alone [paper §1, §3]
+``rolls``           ``build_roll``: the roll of one finger, on a ball or another smooth body
 ``roll_to_goal``    fingers that touch already roll to their goal contacts
 ``rolling_carry``   ``plan_rolling_turn``: the object turns while the tips roll on it
 ==================  ================================================================================
@@ -13,7 +14,7 @@ A tip of 18 mm rolls 5 mm, that is 8.2 degrees, over a ball of 35 mm; in the obj
 >>> import numpy as np
 >>> import dexplan as dx
 >>> from dexplan.pipeline import build_hand, build_scene
->>> from dexplan.planning.rolling.roll_gait import build_roll
+>>> from dexplan.planning.rolling.rolls import build_roll
 >>> problem = dx.load_problem("hold_two")
 >>> hand = build_hand(problem, build_scene(problem))
 >>> placement = dx.plan(problem).start_contacts[0]
@@ -22,4 +23,4 @@ A tip of 18 mm rolls 5 mm, that is 8.2 degrees, over a ball of 35 mm; in the obj
 (5, True)
 """
 
-__all__ = ["roll_gait", "roll_to_goal", "rolling_carry"]
+__all__ = ["roll_gait", "roll_to_goal", "rolling_carry", "rolls"]

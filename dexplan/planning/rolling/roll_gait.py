@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 
 from dexplan.brief import brief_repr
-from dexplan.contact.rolling.curves import RollingPath, roll_turning
 from dexplan.errors import spell_apart
+from dexplan.grasp.pairs import measure_chord_lean
 from dexplan.kinematics.arcs import build_travel, compute_hover, refine
 from dexplan.kinematics.chain import compute_joint_margin, solve_ik, wrap_near
 from dexplan.kinematics.following import follow_tip
@@ -29,13 +29,14 @@ from dexplan.planning.admissible.tip_rotation import (
     refuse_sweep,
     trace_on_tip,
 )
+from dexplan.planning.rolling.rolls import build_roll, end_placement, get_direction
 from dexplan.plans.actions import Relocate, Roll
 from dexplan.plans.contacts import Placement, list_holding
 from dexplan.plans.motion import rest_at
 from dexplan.plans.phases import PlannedPhase, build_lifting, demand_touch
 from dexplan.plans.refusal import Key, Refusal, RefusalCount, RefusalKind
 from dexplan.plans.tip_roll import TipRoll
-from dexplan.spatial import Array, lock_arrays
+from dexplan.spatial import Array, lock_arrays, rotate_about
 
 STEP = float(np.radians(1.0))
 """Ways are checked this often along the object, and pairs opened in these steps [rad]."""
@@ -61,28 +62,6 @@ class RollPlan:
     pair_margins: dict[str, float] = field(default_factory=dict)
 
     __repr__ = brief_repr
-
-
-def build_roll(hand: HandModel, placement: Placement, toward: Array, angle: float, count: int) -> TipRoll:
-    """Return the roll of one finger along a great circle.
-
-    Args:
-        placement: where it touches.
-        toward: direction (3,) in object axes; the contact moves towards it along the great circle through both.
-        angle: how far the contact moves on the object [rad]; negative: away.
-        count: number of samples K.
-    """
-    finger = hand.fingers[placement.finger]
-    radius = float(np.linalg.norm(placement.point_O))
-    heading, way = np.sign(angle) * toward, [radius * abs(angle)]
-    path = roll_turning(finger.tip_radius, radius, placement.X_OF, heading, [0.0], way, count)
-    return as_roll(placement.finger, path)
-
-
-def as_roll(finger: int, path: RollingPath, leg: int | None = None) -> TipRoll:
-    """Return a path of pure rolling as the way of one finger: all of it, or one leg between two corners."""
-    samples = slice(None) if leg is None else slice(path.corners[leg], path.corners[leg + 1] + 1)
-    return TipRoll(finger, path.X_OF[samples], path.n_O[samples])
 
 
 def follow_roll(hand: HandModel, X_WO: Array, roll: TipRoll, q_start: Array) -> tuple[Array, Refusal | None]:
@@ -121,13 +100,6 @@ def follow_roll(hand: HandModel, X_WO: Array, roll: TipRoll, q_start: Array) -> 
         words = f"{name} comes to the end of its workspace while it rolls"
         return q, Refusal(RefusalKind.OUT_OF_REACH, (name,), words=words)
     return q, None
-
-
-def end_placement(roll: TipRoll, placement: Placement, q: Array) -> Placement:
-    """Return where a finger touches after its roll."""
-    radius = float(np.linalg.norm(placement.point_O))
-    normal = roll.normal_O[-1]
-    return Placement(roll.finger, radius * normal, normal, roll.X_OF[-1], q)
 
 
 def judge_ways(
@@ -195,15 +167,32 @@ class RollToPair:
         return named or refusal
 
     def _open(self, a: Placement, b: Placement, third: Placement) -> Iterator[RollPlan]:
-        limits = self.hand.limits
-        beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
-        now = float(np.arccos(np.clip(a.normal_O @ b.normal_O, -1.0, 1.0)))
-        first = max(np.pi - 2.0 * beta - now, 0.0)
+        now, first = self.measure_opening(a, b)
         openings = np.arange(first, min(first + WIDEST, np.pi - now), STEP).tolist()
         # A pair that holds alone needs no opening, and exactly opposite contacts have none left.
         for wider in openings or ([0.0] if first == 0.0 else []):
             if (found := self.open_pair(a, b, third, wider)) is not None:
                 yield found
+
+    def measure_opening(self, a: Placement, b: Placement) -> tuple[float, float]:
+        """Return how far two contacts are apart as seen from the object's origin, and by how much more they have to be until they
+        are force closed with a margin [rad]; pi where they never are, or an edge is in the way.
+        """
+        limits, body = self.hand.limits, self.hand.object.body
+        beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
+        one, other = (get_direction(self.hand, x) for x in (a, b))
+        now = float(np.arccos(np.clip(one @ other, -1.0, 1.0)))
+        if self.hand.object.is_isotropic:
+            return now, max(np.pi - 2.0 * beta - now, 0.0)
+        axis = np.cross(one, other)
+        if not body.is_smooth or np.linalg.norm(axis) < 1e-9:
+            return now, float(np.pi)
+        axis /= np.linalg.norm(axis)
+        wider = np.arange(0.0, np.pi - now, STEP)
+        apart = [rotate_about(axis, 0.5 * w) for w in wider]
+        points = body.radial(np.stack([[R.T @ one, R @ other] for R in apart]))
+        closed = measure_chord_lean(points, body.normal_at(points)) < beta
+        return now, float(wider[closed.argmax()]) if closed.any() else float(np.pi)
 
     def open_pair(self, a: Placement, b: Placement, third: Placement, wider: float) -> RollPlan | None:
         """Return how ``a`` and ``b`` roll apart by ``wider`` [rad] in all; None, and the refusals counted, where they cannot."""
@@ -234,7 +223,7 @@ class RollToPair:
         ways = {x.finger: np.repeat(x.q[None], count, axis=0) for x in (a, b)}
         for x, y in ((a, b), (b, a)):
             if wider > 0.0:
-                roll = build_roll(self.hand, x, -y.normal_O, 0.5 * wider, count)
+                roll = build_roll(self.hand, x, -get_direction(self.hand, y), 0.5 * wider, count)
                 ways[x.finger], refusal = follow_roll(self.hand, self.X_WO, roll, x.q)
                 if refusal:
                     return _PairRoll(rolls, ways, refusal)
@@ -252,8 +241,8 @@ class RollToPair:
         count = len(pair.ways[a.finger])
         rolls, ways = list(pair.rolls), {**pair.ways, third.finger: np.repeat(third.q[None], count, axis=0)}
         if follow != 0.0:
-            toward = -a.normal_O - b.normal_O
-            if np.linalg.norm(np.cross(toward, third.normal_O)) < 1e-9:
+            toward = -get_direction(self.hand, a) - get_direction(self.hand, b)
+            if np.linalg.norm(np.cross(toward, get_direction(self.hand, third))) < 1e-9:
                 # It stands opposite the other two already: there is no side to which it could follow.
                 return None, None
             rolls.append(build_roll(self.hand, third, toward, follow, count))
@@ -267,7 +256,7 @@ class RollToPair:
         for roll in rolls:
             before = contacts[roll.finger]
             assert before is not None
-            contacts[roll.finger] = end_placement(roll, before, ways[roll.finger][-1])
+            contacts[roll.finger] = end_placement(self.hand, roll, before, ways[roll.finger][-1])
         held, refusal = self._check_lift(tuple(contacts), (a.finger, b.finger), third.finger)
         if held is None:
             return None, refusal

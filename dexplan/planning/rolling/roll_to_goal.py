@@ -9,16 +9,8 @@ import numpy as np
 
 from dexplan.planning.admissible.admissibility import Admissibility, worst
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.admissible.separation import compute_pair_angle_max
-from dexplan.planning.rolling.roll_gait import (
-    STEP,
-    RollPlan,
-    RollToPair,
-    build_roll,
-    end_placement,
-    follow_roll,
-    judge_ways,
-)
+from dexplan.planning.rolling.roll_gait import STEP, RollPlan, RollToPair, follow_roll, judge_ways
+from dexplan.planning.rolling.rolls import build_roll, end_placement, get_direction
 from dexplan.plans.contacts import Contacts
 from dexplan.plans.tip_roll import TipRoll
 from dexplan.spatial import Array
@@ -52,13 +44,15 @@ def roll_all_the_way(
     All of them together, or, where that is not admissible at every instant, one after another in the first order that is; None
     where that fails too, or where other fingers touch than in the goal.
     """
-    if not hand.object.is_isotropic:
+    if not hand.object.body.is_smooth:
         return None
     pairs = list(zip(start, goal, strict=True))
     if any((a is None) != (b is None) for a, b in pairs):
         return None
     way = {
-        a.finger: measure_angle(a.normal_O, b.normal_O) for a, b in pairs if a is not None and b is not None
+        a.finger: measure_angle(get_direction(hand, a), get_direction(hand, b))
+        for a, b in pairs
+        if a is not None and b is not None
     }
     rolling = tuple(f for f, angle in way.items() if angle > 1e-9)
     if not rolling or max(way.values()) > ROLL_REACH:
@@ -95,13 +89,13 @@ def _roll(
         here, there = contacts[f], goal[f]
         assert here is not None
         assert there is not None
-        roll = build_roll(hand, here, there.normal_O, angle, count)
+        roll = build_roll(hand, here, get_direction(hand, there), angle, count)
         q, refusal = follow_roll(hand, X_WO, roll, here.q)
         if refusal:
             return None
         rolls.append(roll)
         postures[f] = q
-        after[f] = end_placement(roll, here, q[-1])
+        after[f] = end_placement(hand, roll, here, q[-1])
     rows, refusal = judge_ways(hand, admissibility, X_WO, postures)
     if refusal:
         return None
@@ -114,15 +108,10 @@ class RollEveryPair(RollToPair):
     def first_of_every_pair(self, count: int) -> list[RollPlan]:
         """Return up to ``count`` ways for every pair."""
         found: list[RollPlan] = []
-        if not self.hand.object.is_isotropic:
-            return found
         touching = [c for c in self.contacts if c is not None]
-        limits = self.hand.limits
-        beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
         for third in touching:
             a, b = (c for c in touching if c is not third)
-            now = measure_angle(a.normal_O, b.normal_O)
-            first, ways = max(np.pi - 2.0 * beta - now, 0.0), 0
+            ways, (now, first) = 0, self.measure_opening(a, b)
             for wider in WIDER:
                 if ways < count and first + wider < np.pi - now:
                     way = self.open_pair(a, b, third, float(first + wider))

@@ -14,7 +14,8 @@ import numpy as np
 
 from dexplan.planning.admissible.admissibility import Admissibility, Margins, worst
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.rolling.roll_gait import end_placement, follow_roll
+from dexplan.planning.rolling.roll_gait import follow_roll
+from dexplan.planning.rolling.rolls import end_placement
 from dexplan.plans.actions import MoveObject
 from dexplan.plans.contacts import Contacts, Placement
 from dexplan.plans.motion import ObjectMotion
@@ -106,7 +107,7 @@ def plan_rolling_turn(
     cut = [TipRoll(roll.finger, roll.X_OF[: last + 1], roll.normal_O[: last + 1]) for roll in rolls]
     after = list(contacts)
     for placement, roll in zip(held, cut, strict=True):
-        after[placement.finger] = end_placement(roll, placement, ways[placement.finger][last])
+        after[placement.finger] = end_placement(hand, roll, placement, ways[placement.finger][last])
     reached = float(angle * last / (count - 1))
     names = " and ".join(hand.fingers[c.finger].name for c in held)
     action = MoveObject(

@@ -89,7 +89,8 @@ def plan_rotation_on_sites(
     status = Status.BUDGET_EXHAUSTED if any(not gait.is_exhausted for gait in begun) else Status.NO_GAIT
     # Where no node was opened, it is the geometry that says no.
     reason = f"no gait on sites within {opened} nodes ({why})" if opened else f"no gait: {spell_no_pair(why)}"
-    return replace(refuse(hand, goal, status, reason, why), statistics={"nodes": float(opened)})
+    stuck = refuse(hand, goal, status, reason, why)
+    return replace(stuck, start_contacts=landed or stuck.start_contacts, statistics={"nodes": float(opened)})
 
 
 def _list_movers(

@@ -20,8 +20,9 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.contacts.contact_table import ContactTable
 from dexplan.planning.gait.escape import LONGEST_TURN_COST, MOST_PLACES_COUNTED, count_room_at, find_places
 from dexplan.planning.gait.routes import build_routes
-from dexplan.planning.rolling.roll_gait import STEP, build_roll, end_placement, follow_roll, judge_ways
+from dexplan.planning.rolling.roll_gait import STEP, follow_roll, judge_ways
 from dexplan.planning.rolling.roll_to_goal import Rolled
+from dexplan.planning.rolling.rolls import build_roll, end_placement
 from dexplan.plans.actions import Roll
 from dexplan.plans.contacts import Placement, list_holding
 from dexplan.plans.goal import RotationGoal
@@ -125,7 +126,7 @@ class PairRolls:
             if refusal:
                 return None, refusal
             rolls.append(roll)
-            after[contact.finger] = end_placement(roll, contact, ways[contact.finger][-1])
+            after[contact.finger] = end_placement(self.hand, roll, contact, ways[contact.finger][-1])
         rows, refusal = judge_ways(self.hand, self.admissibility, self.goal.X_WO_start, ways)
         if refusal:
             return None, refusal

@@ -19,7 +19,7 @@ from dexplan.planning.search.cost import Improvement
 from dexplan.planning.search.options import Primitive
 from dexplan.planning.tasks.by_shape import plan_gait
 from dexplan.planning.tasks.ends import Beginning
-from dexplan.planning.tasks.object_manipulation import FIRST, plan_rotation
+from dexplan.planning.tasks.object_manipulation import FIRST
 from dexplan.planning.tasks.pair_roll import PairRolls, build_pair_roll_action
 from dexplan.planning.tasks.starting import Start
 from dexplan.plans.actions import Action
@@ -49,10 +49,9 @@ def plan_object_manipulation(
 ) -> Plan:
     """Return a plan that takes the object to ``goal``; arguments as in :func:`plan_rotation`."""
     plan = plan_gait(hand, goal, start, node_budget, primitives, improvement)
-    if not hand.object.is_isotropic:
-        return plan
     touching = sum(c is not None for c in plan.start_contacts)
-    if plan.status not in STUCK or touching < 2:
+    if plan.status not in STUCK or touching < (2 if hand.object.is_isotropic else 3):
+        # A pair rolls to make room by closed forms only, which hold where all sides look the same.
         return plan
     beginnings: _Beginnings = (_FromPair if touching == 2 else _RolledStart)(hand, goal, plan)
     refused: list[Plan] = []
@@ -63,7 +62,7 @@ def plan_object_manipulation(
         if share < 1:
             is_cut = True
             break
-        rest = plan_rotation(hand, goal, beginning.start, share, primitives, improvement)
+        rest = plan_gait(hand, goal, beginning.start, share, primitives, improvement)
         left -= int(rest.statistics["nodes"])
         if rest.is_solved:
             return _join(plan, beginning, rest)
@@ -127,13 +126,16 @@ class _RolledStart(_Beginnings):
         self._rolls = RollToPair(hand, goal.X_WO_start, contacts, Admissibility(hand))
         lifts: list[Beginning] = []
         for option in self._rolls.options():
-            after = tuple(None if c is None or c.finger == option.lifted else c.X_OF for c in option.contacts)
+            after = tuple(
+                None if c is None or c.finger == option.lifted else c.X_OF if hand.object.is_isotropic else c
+                for c in option.contacts
+            )
             beginning = Beginning(self._build_actions(option), after)
             if not option.rolls:
                 lifts.append(beginning)
             yield beginning
         # Where a pair that holds alone leaves no finger room, it may roll once the third is gone.
-        for lift in lifts[:LIFTS]:
+        for lift in lifts[: LIFTS if hand.object.is_isotropic else 0]:
             pair = tuple(
                 c if after is not None else None for c, after in zip(contacts, lift.start or (), strict=True)
             )

@@ -197,6 +197,9 @@ def _compare_roll(
     points = replay.contact_point_O[samples, k]
     seen = points / np.linalg.norm(points, axis=1, keepdims=True)
     planned = np.array([pose[:3] for pose in roll["X_OF"]])
+    if case.problem["object"].get("shape"):
+        # On a ball the contact is where the tip's centre is seen from the origin; elsewhere a tip's radius under that centre.
+        planned -= case.problem["hand"]["tip_radii_m"][k] * np.array(roll["normal_O"])
     planned /= np.linalg.norm(planned, axis=1, keepdims=True)
     # Dense enough for the nearest place to be known to a few thousandths of a degree.
     share = np.linspace(0.0, len(planned) - 1.0, 40 * (len(planned) - 1) + 1)
