@@ -140,6 +140,12 @@ def test_ways_end_where_they_are_to(egg: Problem) -> None:
     assert [len(find_axes(way)) for way in ways[:3]] == [1, 1, 2]
 
 
+def test_fingers_reach_faces_beside_them() -> None:
+    """Brute force found this gait where the planner tried only sites that face a finger's home."""
+    (drawn,) = draw_questions(load_problem("cube_turn"), 1, 21)
+    assert pipeline.plan(drawn.as_problem()).is_solved
+
+
 def test_a_false_refusal_is_found_to_be_one(question: Question) -> None:
     solved = pipeline.plan(question.as_problem())
     assert solved.is_solved

@@ -29,6 +29,11 @@ _BESIDE = 2e-4
 TILTS = (0.0, float(np.radians(25.0)), -float(np.radians(25.0)))
 """How far poles are tilted off the normals, about the vertical, where a carry is ahead."""
 
+ASIDE = -0.5
+"""Cosine between a site's normal and a finger's home from which on it is tried: fingers reach a face beside them, as of a cube.
+
+On a ball, whose places are all alike, sites that face the finger are enough."""
+
 
 def list_sites(hand: HandModel) -> Sites:
     """Return the places all over the object at which landings are tried, none near an edge."""
@@ -121,11 +126,12 @@ def find_reach(hand: HandModel, poses: Sequence[Array], finger: int) -> NDArray[
 
 
 def find_facing(hand: HandModel, X_WO: Array, finger: int, sites: Sites) -> NDArray[np.bool_]:
-    """Return at which sites (N,) of the object at ``X_WO`` (4, 4) a finger may touch, and which face where it comes from."""
+    """Return at which sites (N,) of the object at ``X_WO`` (4, 4) a finger may touch, and which do not face away from it."""
     home = hand.p_WF_home[finger] - X_WO[:3, 3]
     # Regions are of directions from the object's origin; only on a ball these are the normals.
     from_origin = sites.points / np.linalg.norm(sites.points, axis=1, keepdims=True)
-    return np.asarray(hand.object.allows(from_origin) & (sites.normals @ X_WO[:3, :3].T @ home > 0.0))
+    least = 0.0 if isinstance(hand.object.body, BallBody) else ASIDE * float(np.linalg.norm(home))
+    return np.asarray(hand.object.allows(from_origin) & (sites.normals @ X_WO[:3, :3].T @ home > least))
 
 
 def land_again(hand: HandModel, X_WO: Array, placement: Placement) -> Placement | None:
