@@ -45,8 +45,8 @@ RELAXED_PER_TICK = 0.2
 
 Where a command begins it pulls tips ahead, and they are measured just then; what is followed of that adds up while the object
 turns.  A contact carried through 92 degrees moved on the ball by 0.27 degrees at 250 Hz with 0.2, at 125 Hz by 0.80 with 0.4
-and by 0.36 with 0.2.  In longer ticks it is less in proportion: a pen of 216 mm, which turns slowly, was shaken out of the hand at
-125 Hz with 0.2, held within 1.5 degrees with 0.15, and lay still with 0.1."""
+and by 0.36 with 0.2.  In longer ticks it is less in proportion: a pen of 216 mm, which turns slowly, was shaken out of the hand
+at 125 Hz with 0.2, held within 1.5 degrees with 0.15, and lay still with 0.1."""
 CORRECTION_LIMIT = (1e-3, 1e-3, 1e-3, 0.03, 0.03, 0.03)
 """The object feedback may shift the fingertips' targets by no more than this [m, rad]."""
 
