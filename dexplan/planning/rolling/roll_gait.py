@@ -167,32 +167,33 @@ class RollToPair:
         return named or refusal
 
     def _open(self, a: Placement, b: Placement, third: Placement) -> Iterator[RollPlan]:
-        now, first = self.measure_opening(a, b)
+        one, other = (get_direction(self.hand, x) for x in (a, b))
+        now = float(np.arccos(np.clip(one @ other, -1.0, 1.0)))
+        first = self.find_first_opening(a, b, now)
         openings = np.arange(first, min(first + WIDEST, np.pi - now), STEP).tolist()
         # A pair that holds alone needs no opening, and exactly opposite contacts have none left.
         for wider in openings or ([0.0] if first == 0.0 else []):
             if (found := self.open_pair(a, b, third, wider)) is not None:
                 yield found
 
-    def measure_opening(self, a: Placement, b: Placement) -> tuple[float, float]:
-        """Return how far two contacts are apart as seen from the object's origin, and by how much more they have to be until they
-        are force closed with a margin [rad]; pi where they never are, or an edge is in the way.
+    def find_first_opening(self, a: Placement, b: Placement, now: float) -> float:
+        """Return by how much farther two contacts have to be apart than ``now``, as seen from the object's origin, until they are
+        force closed with a margin [rad]; pi where they never are, or an edge is in the way.
         """
         limits, body = self.hand.limits, self.hand.object.body
         beta = compute_pair_angle_max(self.hand.friction.scaled(limits.cone_share)) - limits.closure_margin
-        one, other = (get_direction(self.hand, x) for x in (a, b))
-        now = float(np.arccos(np.clip(one @ other, -1.0, 1.0)))
         if self.hand.object.is_isotropic:
-            return now, max(np.pi - 2.0 * beta - now, 0.0)
+            return max(np.pi - 2.0 * beta - now, 0.0)
+        one, other = (get_direction(self.hand, x) for x in (a, b))
         axis = np.cross(one, other)
         if not body.is_smooth or np.linalg.norm(axis) < 1e-9:
-            return now, float(np.pi)
+            return float(np.pi)
         axis /= np.linalg.norm(axis)
         wider = np.arange(0.0, np.pi - now, STEP)
         apart = [rotate_about(axis, 0.5 * w) for w in wider]
         points = body.radial(np.stack([[R.T @ one, R @ other] for R in apart]))
         closed = measure_chord_lean(points, body.normal_at(points)) < beta
-        return now, float(wider[closed.argmax()]) if closed.any() else float(np.pi)
+        return float(wider[closed.argmax()]) if closed.any() else float(np.pi)
 
     def open_pair(self, a: Placement, b: Placement, third: Placement, wider: float) -> RollPlan | None:
         """Return how ``a`` and ``b`` roll apart by ``wider`` [rad] in all; None, and the refusals counted, where they cannot."""

@@ -111,7 +111,8 @@ class RollEveryPair(RollToPair):
         touching = [c for c in self.contacts if c is not None]
         for third in touching:
             a, b = (c for c in touching if c is not third)
-            ways, (now, first) = 0, self.measure_opening(a, b)
+            now = measure_angle(get_direction(self.hand, a), get_direction(self.hand, b))
+            first, ways = self.find_first_opening(a, b, now), 0
             for wider in WIDER:
                 if ways < count and first + wider < np.pi - now:
                     way = self.open_pair(a, b, third, float(first + wider))
