@@ -29,10 +29,9 @@ _BESIDE = 2e-4
 TILTS = (0.0, float(np.radians(25.0)), -float(np.radians(25.0)))
 """How far poles are tilted off the normals, about the vertical, where a carry is ahead."""
 
-ASIDE = -0.5
-"""Cosine between a site's normal and a finger's home from which on it is tried: fingers reach a face beside them, as of a cube.
-
-On a ball, whose places are all alike, sites that face the finger are enough."""
+FACING, ASIDE = 0.0, -0.5
+"""Cosine between a site's normal and a finger's home from which on it is tried: places that face the finger, or those beside it
+as well, which fingers reach on a cube.  With all of these every search is twice as wide."""
 
 
 def list_sites(hand: HandModel) -> Sites:
@@ -91,7 +90,9 @@ def build_landings(
     ]
 
 
-def find_reach(hand: HandModel, poses: Sequence[Array], finger: int) -> NDArray[np.bool_]:
+def find_reach(
+    hand: HandModel, poses: Sequence[Array], finger: int, facing: float = FACING
+) -> NDArray[np.bool_]:
     """Return in which of K ``poses`` (4, 4) of the object a finger can touch which site: (K, N), with any tilt of the pole.
 
     As :func:`build_landings` says, for all poses at once.
@@ -100,7 +101,7 @@ def find_reach(hand: HandModel, poses: Sequence[Array], finger: int) -> NDArray[
     chain, workspace = description.chain, hand.workspaces[finger]
     found = np.zeros((len(poses), len(sites)), dtype=bool)
     for k, X_WO in enumerate(poses):
-        found[k] = find_facing(hand, X_WO, finger, sites)
+        found[k] = find_facing(hand, X_WO, finger, sites, facing)
     if not len(workspace.postures):
         return np.zeros_like(found)
     X_WF = np.concatenate(
@@ -125,12 +126,16 @@ def find_reach(hand: HandModel, poses: Sequence[Array], finger: int) -> NDArray[
     return found
 
 
-def find_facing(hand: HandModel, X_WO: Array, finger: int, sites: Sites) -> NDArray[np.bool_]:
-    """Return at which sites (N,) of the object at ``X_WO`` (4, 4) a finger may touch, and which do not face away from it."""
+def find_facing(
+    hand: HandModel, X_WO: Array, finger: int, sites: Sites, facing: float = FACING
+) -> NDArray[np.bool_]:
+    """Return at which sites (N,) of the object at ``X_WO`` (4, 4) a finger may touch, and whose normals have a cosine of more
+    than ``facing`` to where the finger comes from.
+    """
     home = hand.p_WF_home[finger] - X_WO[:3, 3]
     # Regions are of directions from the object's origin; only on a ball these are the normals.
     from_origin = sites.points / np.linalg.norm(sites.points, axis=1, keepdims=True)
-    least = 0.0 if isinstance(hand.object.body, BallBody) else ASIDE * float(np.linalg.norm(home))
+    least = facing * float(np.linalg.norm(home))
     return np.asarray(hand.object.allows(from_origin) & (sites.normals @ X_WO[:3, :3].T @ home > least))
 
 

@@ -10,6 +10,7 @@ from dexplan.planning.admissible.admissibility import Admissibility, FingerState
 from dexplan.planning.admissible.carry import follow_object, judge_carry
 from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench
+from dexplan.planning.contacts.landings import FACING
 from dexplan.planning.contacts.oracle import Verdict
 from dexplan.planning.contacts.still import Stand, StillContacts
 from dexplan.planning.contacts.track import Track
@@ -37,13 +38,14 @@ class CarriedSpot:
 class Layers:
     """The contacts at every stop of the object's ``track``; one pose where it stands still.
 
-    ``looks_ahead``: tips land with the spin that the carry ahead asks for.
+    ``looks_ahead``: tips land with the spin that the carry ahead asks for.  ``facing``: as in :func:`.landings.find_facing`.
     """
 
     hand: HandModel
     admissibility: Admissibility
     track: Track
     looks_ahead: bool = False
+    facing: float = FACING
     poses: list[StillContacts] = field(default_factory=list)
     _promises: dict[tuple[int, int, int], Array] = field(default_factory=dict)
     _carried: dict[tuple[int, int], CarriedSpot] = field(default_factory=dict)
@@ -52,7 +54,9 @@ class Layers:
     def __post_init__(self) -> None:
         poses = self.track.poses
         self.poses = [
-            StillContacts(self.hand, X, self.admissibility, poses[k + 1 :] if self.looks_ahead else ())
+            StillContacts(
+                self.hand, X, self.admissibility, poses[k + 1 :] if self.looks_ahead else (), self.facing
+            )
             for k, X in enumerate(poses)
         ]
 

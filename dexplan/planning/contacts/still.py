@@ -20,7 +20,7 @@ from dexplan.planning.admissible.hand import HandModel
 from dexplan.planning.admissible.loads import compute_object_wrench
 from dexplan.planning.admissible.order import keep_order, keeps_order
 from dexplan.planning.admissible.separation import compute_pair_angle_max
-from dexplan.planning.contacts.landings import TILTS, build_landings, find_facing, list_sites
+from dexplan.planning.contacts.landings import FACING, TILTS, build_landings, find_facing, list_sites
 from dexplan.planning.contacts.spins import center_spins
 from dexplan.planning.contacts.spot_pairs import SpotPairs, pair_all
 from dexplan.planning.ways.detour import Surroundings
@@ -48,6 +48,7 @@ class StillContacts:
     """All contacts considered while the object stands at ``X_WO`` (4, 4); answers are kept.
 
     ``ahead``: poses that the object comes to later, for which landings choose their spin; none where that is not asked.
+    ``facing``: as in :func:`.landings.find_facing`.
     ``labels`` says of every spot whether it is a goal contact (0), one from which a goal contact is rolled to (1, 2, ..), or
     neither (None).
     """
@@ -56,6 +57,7 @@ class StillContacts:
     X_WO: Array
     admissibility: Admissibility
     ahead: Sequence[Array] = ()
+    facing: float = FACING
     spots: list[Placement] = field(default_factory=list)
     labels: list[int | None] = field(default_factory=list)
     _states: list[FingerState] = field(default_factory=list)
@@ -96,7 +98,7 @@ class StillContacts:
         """Return places all over the object where a finger can land, as far as it alone is concerned."""
         if finger not in self._landings:
             sites = list_sites(self.hand)
-            rows = find_facing(self.hand, self.X_WO, finger, sites)
+            rows = find_facing(self.hand, self.X_WO, finger, sites, self.facing)
             at = sites.normals[rows], sites.points[rows]
             found = list[Placement | None]()
             for tilt in TILTS if len(self.ahead) or not self.hand.object.is_isotropic else (0.0,):

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
+from dexplan.planning.contacts.landings import FACING
 from dexplan.planning.contacts.layers import Layers
 from dexplan.planning.contacts.oracle import Progress
 from dexplan.planning.contacts.site_contacts import SiteContacts
@@ -43,6 +44,7 @@ class SiteGait:
 
     ``start`` None: from any pair that holds the object where it is.  ``movers``: the pair of fingers that alone moves the object,
     its contacts rewound while another finger stands in [paper §2.2]; None: any fingers that hold it.
+    ``facing``: which places fingers try, as in :func:`.landings.find_facing`.
     """
 
     def __init__(
@@ -52,8 +54,10 @@ class SiteGait:
         track: Track,
         start: Contacts | None,
         movers: Pair | None = None,
+        *,
+        facing: float = FACING,
     ) -> None:
-        layers = Layers(hand, admissibility, track, looks_ahead=True)
+        layers = Layers(hand, admissibility, track, looks_ahead=True, facing=facing)
         self._contacts, first, self._is_rewind = SiteContacts(layers), layers.poses[0], movers is not None
         self._bound = RelocationBound(layers, None, movers=movers)
         self._engine = Engine(StepProblem(self._contacts, AnyEnd(), self._bound, movers=movers), PATIENCE)

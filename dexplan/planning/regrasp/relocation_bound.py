@@ -63,7 +63,8 @@ class RelocationBound:
         sites = list_sites(self.layers.hand)
         numbers = self.places.number_all(sites.points, sites.normals)
         for finger in range(self._count):
-            table = find_reach(self.layers.hand, [still.X_WO for still in self.layers.poses], finger)
+            poses = [still.X_WO for still in self.layers.poses]
+            table = find_reach(self.layers.hand, poses, finger, self.layers.facing)
             for within, reached in zip(self.within, table, strict=True):
                 within[finger].update(numbers[reached].tolist())
 

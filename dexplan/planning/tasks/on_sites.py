@@ -5,7 +5,7 @@ It is what gaits on orbits are held against, and the path of objects that look t
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations, count, product
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from dexplan.planning.actions.joining import build_move_actions, enclose
 from dexplan.planning.admissible.admissibility import Admissibility
 from dexplan.planning.admissible.hand import HandModel
-from dexplan.planning.contacts.landings import build_landings
+from dexplan.planning.contacts.landings import ASIDE, FACING, build_landings
 from dexplan.planning.contacts.legs import Leg
 from dexplan.planning.contacts.still import Stand, StillContacts
 from dexplan.planning.contacts.track import Track
@@ -60,16 +60,46 @@ def plan_rotation_on_sites(
     landed = None if start is None else _land_start(hand, admissibility, goal, start)
     if isinstance(landed, No):
         return refuse(hand, goal, landed.status, landed.reason, landed.refusal)
+    question, opened = _Question(hand, admissibility, goal, start, landed, primitives), 0
+    # Places beside a finger make a search twice as wide: they come where those that face it do not do.
+    for facing in (FACING,) if hand.object.is_isotropic else (FACING, ASIDE):
+        plan = _search(question, node_budget - opened, facing)
+        opened += int(plan.statistics.get("nodes", 0.0))
+        if plan.is_solved or plan.status is Status.BUDGET_EXHAUSTED:
+            break
+    return replace(plan, statistics={**plan.statistics, "nodes": float(opened)})
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """What is asked, and the start contacts as they ``landed``; None where the planner chooses."""
+
+    hand: HandModel
+    admissibility: Admissibility
+    goal: RotationGoal
+    start: Start
+    landed: Contacts | None
+    primitives: tuple[Primitive, ...]
+
+
+def _search(question: _Question, node_budget: int, facing: float) -> Plan:
+    """Return the answer with the places that ``facing`` admits."""
+    hand, goal, landed, admissibility = (
+        question.hand,
+        question.goal,
+        question.landed,
+        question.admissibility,
+    )
     tracks = [Track(tuple(map(_as_motion, route))) for route in build_routes(goal)]
-    ways = list(product(tracks, _list_movers(hand, landed, primitives)))
+    ways = list(product(tracks, _list_movers(hand, landed, question.primitives)))
     begun: list[SiteGait] = []
     opened = 0
     for turn in count():
         # One way more has its turn every time; each goes on where it stopped.
         if turn < len(ways):
             track, movers = ways[turn]
-            contacts = landed and center_start_spins(hand, landed, start, track.motions[0])
-            begun.append(SiteGait(hand, admissibility, track, contacts, movers))
+            contacts = landed and center_start_spins(hand, landed, question.start, track.motions[0])
+            begun.append(SiteGait(hand, admissibility, track, contacts, movers, facing=facing))
             if turn + 1 == len(ways) // len(tracks) and not any(gait.has_start for gait in begun):
                 return _refuse_every_start(hand, goal, admissibility, begun[0])
         going = [gait for gait in begun if not gait.is_exhausted]
